@@ -1,0 +1,87 @@
+"""Everything that can go wrong, as the engine, the store and the worker say it.
+
+The classes know nothing of HTTP or gRPC: `service/transports/errors.py` maps each to a status. A message
+says what was given, what was expected and what to try.
+"""
+
+
+class ShapeConceptsError(Exception):
+    """Something that a caller can act on went wrong."""
+
+    @classmethod
+    def type_name(cls) -> str:
+        """Stable, kebab-case name of the error, as every transport shows it: `TooFewPoints` is `too-few-points`."""
+        name = cls.__name__
+        return "".join(f"-{c.lower()}" if c.isupper() and i else c.lower() for i, c in enumerate(name))
+
+
+class InvalidParameter(ShapeConceptsError):
+    """A parameter of a request or of a configuration is out of its range, or contradicts another one."""
+
+
+class InvalidCloud(ShapeConceptsError):
+    """The cloud was read, but is not one that the method can answer."""
+
+
+class EmptyCloud(InvalidCloud):
+    """The cloud holds no point at all, or the file no byte."""
+
+
+class NoFinitePoints(InvalidCloud):
+    """Every point of the cloud is NaN or infinite: the sensor measured nothing."""
+
+
+class TooFewPoints(InvalidCloud):
+    """The cloud has fewer points than the method needs."""
+
+
+class TooManyPoints(InvalidCloud):
+    """The cloud, or what its header promises, is larger than the limit."""
+
+
+class DegenerateCloud(InvalidCloud):
+    """The points coincide or lie on one line: there is no surface to describe."""
+
+
+class ImplausibleExtent(InvalidCloud):
+    """The object is far too large or too small for metres: most likely its unit is another one."""
+
+
+class UnreadableCloud(ShapeConceptsError):
+    """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
+
+
+class UnsupportedFormat(ShapeConceptsError):
+    """The format of the cloud is not one of those that the service reads."""
+
+
+class NotEnoughSamples(ShapeConceptsError):
+    """Learning needs at least two clouds that can be described."""
+
+
+class RendererUnavailable(ShapeConceptsError):
+    """SAPIEN finds no rendering device."""
+
+
+class ModelNotFound(ShapeConceptsError):
+    """The store has no model, version or alias of that name."""
+
+
+class ModelDamaged(ShapeConceptsError):
+    """The model's files are incomplete, altered, or not a shape model."""
+
+
+class ModelIncompatible(ShapeConceptsError):
+    """The model was published in a layout that this version of the software does not read."""
+
+
+class StoreUnavailable(ShapeConceptsError):
+    """The model store cannot be read or written."""
+
+
+class Overloaded(ShapeConceptsError):
+    """More work is waiting than the service accepts; try again later."""
+
+
+class Cancelled(ShapeConceptsError):
+    """The caller gave up, or its deadline passed, and the work was stopped."""

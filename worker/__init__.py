@@ -1,0 +1,1 @@
+"""The training worker: makes the models with which the service answers."""

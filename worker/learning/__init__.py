@@ -1,0 +1,1 @@
+"""The method at training time: clouds become a shape model."""
