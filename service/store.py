@@ -1,0 +1,242 @@
+"""The model store: immutable versions and aliases with history, in a folder or a bucket.
+
+Layout, below the store's URL:
+
+    blobs/sha256/<hex>.safetensors                 tensors, by content
+    models/<name>/versions/<8 digits>.json         manifests; a version exists when its manifest does
+    models/<name>/aliases/<alias>/<8 digits>.json  an append-only log; the highest number holds
+
+Content is written first and the manifest last, with a put that creates or fails: a version is there whole or not at
+all, and of two publishers who want the same number one takes the next.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from service.aliases import AliasEntry, AliasLog
+from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
+from service.engine.model import ShapeModel
+from service.model_file import NAME, TENSORS, Manifest, decode, describe, encode, read_manifest, sha256, write_manifest
+from service.objects import Objects
+
+PRODUCTION = "production"
+REFERENCE = re.compile(rf"(?P<name>{NAME})(@(?P<alias>{NAME})|:(?P<version>[0-9]{{1,8}}))?")
+
+
+class ModelStore:
+    """Models by name and version, in the folder or bucket of a URL."""
+
+    def __init__(self, url: str | Path) -> None:
+        self._objects = Objects(url)
+        self.url = self._objects.url
+
+    # Writing
+
+    def publish(
+        self, model: ShapeModel, *, name: str, seed: int, source: dict[str, Any], alias: str | None = PRODUCTION
+    ) -> Manifest:
+        """Publishes a model as the next version of a name, and lets an alias mean it.
+
+        Args:
+            model: what to publish.
+            name: of the model, `[a-z0-9][a-z0-9-]*`.
+            seed: of the training.
+            source: where the training clouds came from, JSON-able.
+            alias: of the new version; None for none.
+
+        Raises:
+            InvalidParameter: the name or alias is not of that form.
+            StoreUnavailable: the store cannot be written.
+        """
+        _check_name(name, " model")
+        if alias is not None:
+            _check_name(alias, "n alias")
+        self._objects.sweep()
+        data = encode(model)
+        self._objects.put(_blob_key(sha256(data)), data)
+        created = datetime.now(UTC)
+
+        def manifest(version: int) -> Manifest:
+            return describe(model, data, name=name, version=version, created=created, seed=seed, source=source)
+
+        version = max(self.versions(name), default=0) + 1
+        while not self._objects.create_number(_versions(name), version, write_manifest(manifest(version))):
+            version += 1
+        if alias is not None:  # unless a racer has let it mean a later version meanwhile
+            self._log(name, alias).promote(version, only_forward=True)
+        return manifest(version)
+
+    def promote(self, name: str, version: int, alias: str = PRODUCTION) -> None:
+        """Lets an alias mean a version from now on; nothing happens when it does already.
+
+        Raises:
+            ModelNotFound: there is no such version.
+        """
+        _check_name(alias, "n alias")
+        self._require(name, version)
+        self._log(name, alias).promote(version)
+
+    def rollback(self, name: str, alias: str = PRODUCTION) -> int:
+        """Lets an alias mean what it meant before its last promotion; again, the one before that.
+
+        Returns:
+            The version that the alias means now.
+
+        Raises:
+            ModelNotFound: there is no such alias.
+            InvalidParameter: there is no earlier version to go back to.
+        """
+        if (version := self._log(name, alias).rollback()) is not None:
+            return version
+        if (current := self._log(name, alias).current()) is None:
+            raise self._no_alias(name, alias)
+        raise InvalidParameter(f"{name}@{alias} means version {current} and nothing before: it cannot be rolled back.")
+
+    # Reading
+
+    def names(self) -> list[str]:
+        """Names of all models, sorted."""
+        return [name for name in self._objects.folders("models") if self.versions(name)]
+
+    def versions(self, name: str) -> list[int]:
+        """Versions of a model, ascending; none when there is no such model."""
+        return self._objects.numbers(_versions(name))
+
+    def aliases(self, name: str) -> dict[str, int]:
+        """What each alias of a model means."""
+        aliases = {alias: self._log(name, alias).current() for alias in self._objects.folders(f"models/{name}/aliases")}
+        return {alias: version for alias, version in aliases.items() if version is not None}
+
+    def alias_history(self, name: str, alias: str = PRODUCTION) -> list[AliasEntry]:
+        """All that an alias has meant, oldest first; nothing when there is no such alias."""
+        return self._log(name, alias).history()
+
+    def resolve(self, reference: str) -> tuple[str, int]:
+        """Name and version of `NAME`, which means `NAME@production`, `NAME@ALIAS` or `NAME:VERSION`.
+
+        Raises:
+            InvalidParameter: the reference has another form.
+            ModelNotFound: there is no such model, version or alias; the message says which there are.
+        """
+        match = REFERENCE.fullmatch(reference)
+        if match is None:
+            raise InvalidParameter(
+                f"'{reference}' names no model: write NAME, NAME@ALIAS or NAME:VERSION, names in lower-case letters, "
+                "digits and hyphens."
+            )
+        name = match["name"]
+        if match["version"]:
+            self._require(name, int(match["version"]))
+            return name, int(match["version"])
+        alias = match["alias"] or PRODUCTION
+        if (version := self._log(name, alias).current()) is None:
+            raise self._no_alias(name, alias)
+        return name, version
+
+    def manifest(self, name: str, version: int) -> Manifest:
+        """The manifest of a version.
+
+        Raises:
+            ModelNotFound: there is no such version.
+            ModelDamaged, ModelIncompatible: it cannot be trusted or understood.
+        """
+        return self._checked(self._manifest_bytes(name, version), name, version)
+
+    def load(self, name: str, version: int) -> tuple[ShapeModel, Manifest]:
+        """A version, checked against its content hashes.
+
+        Raises:
+            ModelNotFound: there is no such version.
+            ModelDamaged, ModelIncompatible: it cannot be trusted or understood.
+        """
+        manifest = self.manifest(name, version)
+        try:
+            return decode(self._tensors(manifest), manifest), manifest
+        except ModelDamaged as error:
+            raise ModelDamaged(f"{name}:{version} of the store {self.url} is refused. {error}") from error
+
+    def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
+        """Writes `manifest.json` and `model.safetensors` of a version, byte for byte as they are stored.
+
+        Returns:
+            The files written.
+
+        Raises:
+            ModelNotFound, ModelDamaged, ModelIncompatible: as `load`; then nothing is written.
+        """
+        raw = self._manifest_bytes(name, version)
+        manifest = self._checked(raw, name, version)
+        data = self._tensors(manifest)
+        decode(data, manifest)
+        out_dir.mkdir(parents=True, exist_ok=True)
+        files = {out_dir / TENSORS: data, out_dir / "manifest.json": raw}
+        for path, content in files.items():
+            path.write_bytes(content)
+        return sorted(files)
+
+    # Inside
+
+    def _log(self, name: str, alias: str) -> AliasLog:
+        return AliasLog(self._objects, f"models/{name}/aliases/{alias}")
+
+    def _manifest_bytes(self, name: str, version: int) -> bytes:
+        try:
+            return self._objects.get_number(_versions(name), version)
+        except FileNotFoundError:
+            raise self._no_version(name, version) from None
+
+    def _checked(self, raw: bytes, name: str, version: int) -> Manifest:
+        manifest = read_manifest(raw)
+        if (manifest.name, manifest.version) != (name, version):
+            raise ModelDamaged(
+                f"The manifest at {name}:{version} is that of {manifest.name}:{manifest.version}: moved, or altered."
+            )
+        return manifest
+
+    def _tensors(self, manifest: Manifest) -> bytes:
+        if TENSORS not in manifest.contents:
+            raise ModelDamaged(f"The manifest of {manifest.name}:{manifest.version} lists no {TENSORS}.")
+        try:
+            return self._objects.get(_blob_key(manifest.contents[TENSORS].sha256))
+        except FileNotFoundError:
+            raise ModelDamaged(f"The tensors of {manifest.name}:{manifest.version} are missing in the store.") from None
+
+    def _require(self, name: str, version: int) -> None:
+        if version not in self.versions(name):
+            raise self._no_version(name, version)
+
+    def _no_version(self, name: str, version: int) -> ModelNotFound:
+        return ModelNotFound(f"There is no version {version} of '{name}' in {self.url}. {self._what_exists(name)}")
+
+    def _no_alias(self, name: str, alias: str) -> ModelNotFound:
+        return ModelNotFound(f"There is no '{name}@{alias}' in {self.url}. {self._what_exists(name)}")
+
+    def _what_exists(self, name: str) -> str:
+        if versions := self.versions(name):
+            aliases = ", ".join(f"{alias} = {version}" for alias, version in self.aliases(name).items())
+            return (
+                f"'{name}' has the versions {', '.join(map(str, versions))} and the aliases {aliases or '(none)'}: "
+                f"write {name}:{versions[-1]} or {name}@ALIAS."
+            )
+        names = self.names()
+        return f"There are the models {', '.join(names)}." if names else "The store holds no model yet."
+
+
+def _check_name(name: str, what: str) -> None:
+    if not re.fullmatch(NAME, name) or len(name) > 63:
+        raise InvalidParameter(
+            f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "
+            "start with a letter or digit, and have at most 63 characters."
+        )
+
+
+def _blob_key(digest: str) -> str:
+    return f"blobs/sha256/{digest}.safetensors"
+
+
+def _versions(name: str) -> str:
+    return f"models/{name}/versions"
