@@ -1,0 +1,87 @@
+"""What is said about a cloud, in the one form that the command line and every transport share."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.engine.model import Response
+
+
+class Concept(BaseModel):
+    """One concept, as it stands to the cloud."""
+
+    model_config = ConfigDict(frozen=True)
+
+    id: int = Field(description="node of the concept in the model's merge tree: the same at every filtration time")
+    name: str | None = Field(description="name that people gave to the concept, null if none")
+    response: float = Field(description="the form that is scored, smaller is closer")
+    distance: float = Field(description="mean Mahalanobis distance to the concept's prototypes, Eq. 4")
+    rank: int = Field(ge=1, description="1 is the closest concept")
+    prototypes: int = Field(ge=2, description="training objects that make up the concept")
+
+
+class Stimuli(BaseModel):
+    """The cloud's stimuli vector without its zeros."""
+
+    model_config = ConfigDict(frozen=True)
+
+    index: list[int] = Field(description="motif vertices that fired, ascending")
+    value: list[float] = Field(description="their stimuli, float32, Eq. 1")
+
+
+class Answer(BaseModel):
+    """Which concepts of a model a cloud resembles, and how much. Floats are exact: read back, they are the same."""
+
+    model_config = ConfigDict(frozen=True)
+
+    model: str = Field(description="name of the model that answered")
+    version: int = Field(ge=1, description="its version")
+    time: float = Field(ge=0, le=1, description="filtration time at which the concepts stand: 0 specific, 1 generic")
+    responses: list[float] = Field(description="of every concept, in concept order: the scored form, smaller is closer")
+    distances: list[float] = Field(description="of every concept, in concept order: Eq. 4, as the paper has it")
+    concepts: list[Concept] = Field(description="best first; as many as `top` asked for")
+    segments: int = Field(ge=0, description="segments that the cloud was divided into")
+    extent_m: float = Field(description="the object's robust diameter, metres")
+    truncated: bool = Field(description="whether constellations were left out because there were too many")
+    warnings: list[str] = Field(description="what is odd about the cloud, in sentences")
+    timings_ms: dict[str, float] = Field(description="how long each stage took, milliseconds")
+    stimuli: Stimuli | None = Field(None, description="the stimuli vector, if it was asked for")
+
+
+def compose(
+    response: Response, model: tuple[str, int], timings_ms: dict[str, float], *, top: int | None, stimuli: bool
+) -> Answer:
+    """The answer that a response makes.
+
+    Args:
+        response: of the engine.
+        model: name and version that gave it.
+        timings_ms: of each stage, milliseconds.
+        top: how many of the best concepts are listed, None for all; `responses` and `distances` are whole always.
+        stimuli: whether the stimuli vector is part of the answer.
+    """
+    index, value = response.stimuli
+    return Answer(
+        model=model[0],
+        version=model[1],
+        time=response.time,
+        responses=response.responses.tolist(),
+        distances=response.distances.tolist(),
+        concepts=[
+            Concept(
+                id=int(response.concept_ids[position]),
+                name=None,
+                response=float(response.responses[position]),
+                distance=float(response.distances[position]),
+                rank=rank,
+                prototypes=int(response.concept_sizes[position]),
+            )
+            for rank, position in enumerate(response.ranking[:top], start=1)
+        ],
+        segments=response.segments,
+        extent_m=response.extent_m,
+        truncated=response.truncated,
+        warnings=list(response.warnings),
+        timings_ms=timings_ms,
+        stimuli=Stimuli(index=index.tolist(), value=value.tolist()) if stimuli else None,
+    )

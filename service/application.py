@@ -1,0 +1,219 @@
+"""The use cases of the service, for the command line and every transport; it knows none of them."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time as clock
+from collections import OrderedDict
+from typing import NamedTuple
+
+from pydantic import BaseModel, Field
+
+from service import clouds
+from service.answer import Answer, compose
+from service.engine.cloud import PointCloud
+from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
+from service.engine.model import OnStage, ShapeModel, ignore_stage
+from service.model_file import Manifest
+from service.pool import Pool
+from service.settings import Settings
+from service.store import PRODUCTION, ModelStore
+
+
+class CloudFile(NamedTuple):
+    """A cloud as somebody sent it.
+
+    Attributes:
+        data: the bytes of the file.
+        format: "pcd", "ply", "xyz", "npy" or "npz"; None to tell it from the content, then from the name's ending.
+        name: of the file, if it has one.
+        unit: of the coordinates: m, cm, mm, ...
+        viewpoint: pose of the sensor in the cloud's frame; None where the file says so itself or it is the origin.
+    """
+
+    data: bytes
+    format: str | None = None
+    name: str = ""
+    unit: str = "m"
+    viewpoint: clouds.Viewpoint | None = None
+
+
+class ModelSummary(BaseModel):
+    """A model of the store."""
+
+    name: str = Field(description="the model's name")
+    versions: list[int] = Field(description="its versions, ascending")
+    aliases: dict[str, int] = Field(description="what each alias means now")
+
+
+class Readiness(BaseModel):
+    """That the service can answer, and with what."""
+
+    model: str | None = Field(description="model that answers requests which name none; null if they must")
+    version: int | None = Field(description="its version")
+    models: list[str] = Field(description="names of all models in the store")
+
+
+class Application:
+    """The service without its transports.
+
+    Args:
+        settings: where the models are, which one answers by default, and the limits.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.store = ModelStore(settings.store)
+        self.pool = Pool(settings.workers, settings.queue)
+        self._loaded: OrderedDict[tuple[str, int], ShapeModel] = OrderedDict()
+        self._loading = threading.Lock()
+
+    def close(self) -> None:
+        """Waits for the work under way."""
+        self.pool.close()
+
+    def respond(
+        self,
+        cloud: CloudFile | PointCloud,
+        *,
+        model: str | None = None,
+        version: int | None = None,
+        alias: str | None = None,
+        time: float | None = None,
+        top: int | None = None,
+        stimuli: bool = False,
+        on_stage: OnStage = ignore_stage,
+    ) -> Answer:
+        """Which concepts a cloud resembles. Runs on the caller's thread.
+
+        Args:
+            cloud: bytes of a file, or points in the sensor's frame.
+            model: NAME, NAME@ALIAS or NAME:VERSION; None for the default model.
+            version: of the model, instead of in its name.
+            alias: of the version, instead of in the model's name.
+            time: filtration time in [0, 1]; None for the model's epsilon_max.
+            top: how many of the best concepts are listed; None for all.
+            stimuli: whether the stimuli vector is part of the answer.
+            on_stage: called with each stage's name as it begins; may raise `Cancelled`.
+
+        Raises:
+            ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
+        """
+        if top is not None and top < 1:
+            raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
+        name, number = self.which(model, version, alias)
+        shape_model = self._model(name, number)
+        timings = _Timings(on_stage)
+        timings.begin("decode")
+        points = self._points(cloud)
+        response = shape_model.respond(points, time=time, on_stage=timings.begin)
+        return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli)
+
+    def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
+        """Name and version of the model that is meant.
+
+        Raises:
+            InvalidParameter: the three contradict each other, or several models could be meant.
+            ModelNotFound: there is no such model.
+        """
+        reference = model or self.settings.model or self._only_model()
+        if version is not None and alias is not None:
+            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
+        if version is None and alias is None:
+            return self.store.resolve(reference)
+        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
+        if qualifier and model:
+            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
+        return self.store.resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
+
+    def ready(self) -> Readiness:
+        """Whether there is a model to answer with; loads the default one.
+
+        Raises:
+            ModelNotFound: the store holds no model.
+            StoreUnavailable: it cannot be read.
+            ModelDamaged, ModelIncompatible: the default model cannot be used.
+        """
+        names = self.store.names()
+        if not names:
+            raise ModelNotFound(f"The store {self.store.url} holds no model yet.")
+        if self.settings.model is None and len(names) > 1:
+            return Readiness(model=None, version=None, models=names)
+        name, version = self.which(None)
+        self._model(name, version)
+        return Readiness(model=name, version=version, models=names)
+
+    def models(self) -> list[ModelSummary]:
+        """All models of the store with their versions and aliases."""
+        return [
+            ModelSummary(name=name, versions=self.store.versions(name), aliases=self.store.aliases(name))
+            for name in self.store.names()
+        ]
+
+    def manifest(self, name: str, version: int) -> Manifest:
+        """How a version was made."""
+        return self.store.manifest(name, version)
+
+    def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
+        """Lets an alias mean the version that a reference names; returns its name and version."""
+        name, version = self.store.resolve(model)
+        self.store.promote(name, version, alias)
+        return name, version
+
+    def rollback(self, name: str, alias: str = PRODUCTION) -> int:
+        """Lets an alias mean what it meant before; returns the version."""
+        return self.store.rollback(name, alias)
+
+    def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
+        limit = self.settings.max_points
+        if isinstance(cloud, PointCloud):
+            if len(cloud.points) > limit:
+                raise TooManyPoints(f"The cloud has {len(cloud.points)} points; at most {limit} are taken.")
+            return cloud
+        return clouds.read(
+            cloud.data,
+            cloud.format,
+            name=cloud.name,
+            unit=cloud.unit,
+            viewpoint=cloud.viewpoint,
+            max_points=limit,
+        )
+
+    def _only_model(self) -> str:
+        names = self.store.names()
+        if len(names) == 1:
+            return names[0]
+        if not names:
+            raise ModelNotFound(f"The store {self.store.url} holds no model yet: train and publish one first.")
+        raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
+
+    def _model(self, name: str, version: int) -> ShapeModel:
+        """A version, from memory if it was used lately: versions never change."""
+        with self._loading:
+            if (name, version) not in self._loaded:
+                self._loaded[name, version] = self.store.load(name, version)[0]
+                if len(self._loaded) > self.settings.loaded_models:
+                    self._loaded.popitem(last=False)
+            self._loaded.move_to_end((name, version))
+            return self._loaded[name, version]
+
+
+class _Timings:
+    """A clock that is told when a stage begins, and tells the caller."""
+
+    def __init__(self, on_stage: OnStage) -> None:
+        self._on_stage = on_stage
+        self._begun: list[tuple[str, float]] = []
+
+    def begin(self, stage: str) -> None:
+        self._on_stage(stage)
+        self._begun.append((stage, clock.perf_counter()))
+
+    def end(self) -> dict[str, float]:
+        """Milliseconds of each stage; a stage that began several times has their sum."""
+        ends = [start for _, start in self._begun[1:]] + [clock.perf_counter()]
+        spent: dict[str, float] = {}
+        for (stage, start), end in zip(self._begun, ends, strict=True):
+            spent[stage] = round(spent.get(stage, 0.0) + (end - start) * 1000, 3)
+        return spent

@@ -1,0 +1,58 @@
+"""The bounded pool on which clouds are answered, and the limit on how many may wait for it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
+
+from service.engine.errors import Overloaded
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Pool:
+    """Threads for work on the CPU, away from the event loop.
+
+    Whoever wants work done first asks to be admitted, before a body is received: so no more bodies are ever in
+    memory than there are threads and places in the queue.
+
+    Args:
+        workers: threads.
+        queue: how many more than those may be admitted.
+    """
+
+    def __init__(self, workers: int, queue: int) -> None:
+        self.places = workers + queue
+        self._admitted = 0
+        self._lock = threading.Lock()
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="respond")
+
+    @contextmanager
+    def admitted(self) -> Iterator[None]:
+        """A place among those at work and those waiting.
+
+        Raises:
+            Overloaded: all places are taken; at once, without waiting.
+        """
+        with self._lock:
+            if self._admitted >= self.places:
+                raise Overloaded(f"{self.places} requests are already at work or waiting; try again in a second.")
+            self._admitted += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._admitted -= 1
+
+    async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """The result of work done on one of the threads. The caller has been admitted."""
+        return await asyncio.wrap_future(self._threads.submit(work, *args, **kwargs))
+
+    def close(self) -> None:
+        """Waits for the work under way and drops what has not begun."""
+        self._threads.shutdown(cancel_futures=True)

@@ -1,0 +1,55 @@
+"""What an operator can set, by environment variables: `SHAPE_CONCEPTS_` and the setting's name in capitals."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+MEBIBYTE = 2**20
+
+
+def default_store() -> str:
+    """The folder `shape-concepts` in the user's data directory, by the custom of the platform."""
+    home = Path.home()
+    if sys.platform == "darwin":
+        base = home / "Library" / "Application Support"
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local"))
+    else:
+        base = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share")
+    return str(base / "shape-concepts")
+
+
+class Settings(BaseSettings):
+    """Settings of the service; read once, where the process starts, and passed down."""
+
+    model_config = SettingsConfigDict(env_prefix="SHAPE_CONCEPTS_", frozen=True, env_ignore_empty=True)
+
+    store: str = Field(
+        default_factory=default_store,
+        description="URL of the model store: a folder, file:///folder or s3://bucket/prefix",
+    )
+    model: str | None = Field(
+        None,
+        description="model that answers requests which name none: NAME, NAME@ALIAS or NAME:VERSION; by default the "
+        "only one in the store",
+    )
+    host: str = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all of this machine's")
+    port: int = Field(8000, ge=0, le=65535, description="TCP port to listen on; 0 for any free one")
+    workers: int = Field(
+        default_factory=lambda: os.cpu_count() or 1,
+        ge=1,
+        le=1024,
+        description="clouds answered at the same time, threads",
+    )
+    queue: int = Field(32, ge=0, description="requests that may wait for a worker before others are refused, requests")
+    max_body: int = Field(128 * MEBIBYTE, ge=1024, description="largest request body, bytes")
+    body_timeout: float = Field(60.0, gt=0, description="longest time a request's body may take to arrive, seconds")
+    max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
+    loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
+    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")
