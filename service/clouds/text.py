@@ -1,0 +1,71 @@
+"""Rows of numbers in text, as ascii PCD, ascii PLY and xyz have them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.engine.errors import UnreadableCloud
+
+
+def filled_lines(body: bytes) -> Iterator[str]:
+    """The lines of `body` that are not blank, of any line ending; latin-1, so that no byte fails."""
+    return filter(str.strip, io.TextIOWrapper(io.BytesIO(body), encoding="latin-1"))
+
+
+def read_rows(
+    lines: Iterable[str],
+    where: str,
+    *,
+    limit: int | None = None,
+    columns: Sequence[int] | None = None,
+    separator: str | None = None,
+    comment: str | None = None,
+) -> NDArray[np.float64]:
+    """Reads rows of numbers; memory follows the text alone.
+
+    Args:
+        lines: consumed as far as `limit`.
+        where: begins the message of an error.
+        limit: how many lines to read; None for all.
+        columns: which columns, where others may hold anything; None for all, and then every row must have as many.
+        separator: one character; None for blanks.
+        comment: one character that begins a comment.
+
+    Returns:
+        (R, C) float64: R is `limit`, or less where the text ends before.
+
+    Raises:
+        UnreadableCloud: a row is short or long, or holds something that is no number.
+    """
+    wanted = islice(lines, limit)
+    first = next(wanted, None)
+    if first is None:
+        return np.empty((0, 0))
+    try:
+        return np.loadtxt(
+            chain([first], wanted), comments=comment, delimiter=separator, usecols=columns, ndmin=2, dtype=np.float64
+        )
+    except ValueError as error:
+        reason = str(error).partition("; use `usecols`")[0]
+        raise UnreadableCloud(
+            f"{where}: {reason[:200]} (rows counted from the first point, from 0); each line should hold "
+            "the same columns of plain numbers such as -0.125 or 1e-3, nan where nothing was measured"
+        ) from error
+
+
+def check_rows(rows: int, promised: int, where: str) -> None:
+    """Refuses a text with fewer rows than its header promises.
+
+    Raises:
+        UnreadableCloud: it ends early.
+    """
+    if rows < promised:
+        raise UnreadableCloud(
+            f"{where}: its header promises {promised} rows, but only {rows} follow; "
+            "the file is truncated, or its header wrong: write or send it again"
+        )
