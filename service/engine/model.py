@@ -1,0 +1,156 @@
+"""The shape model: a cloud becomes a response, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from service.engine import tensors as layout
+from service.engine.cloud import PointCloud
+from service.engine.concepts import Concepts, Metric, concepts_at, respond_to_concepts
+from service.engine.dictionary import Dictionary
+from service.engine.filtration import Filtration
+from service.engine.motifs import Ensemble
+from service.engine.params import ModelParams
+from service.engine.perception import OnStage, ignore_stage, perceive
+from service.engine.prototypes import Prototypes
+from service.engine.space import TopologicalSpace
+from service.engine.stimuli import Stimuli, stimulate
+
+
+@dataclass(frozen=True)
+class Response:
+    """What an object's cloud has in common with each concept.
+
+    Attributes:
+        responses: (C,) float64: rho^o in the form that is scored; smaller is closer.
+        distances: (C,) float64: the mean Mahalanobis distances of Eq. 4; smaller is closer.
+        concept_ids: (C,) int64: the concepts' nodes in the merge tree.
+        concept_sizes: (C,) int64: numbers of concept prototypes.
+        ranking: (C,) int64: places of the concepts, closest first; of equal ones the first.
+        time: the filtration time of the concepts, [0, 1].
+        segments: number of segments S that the object was seen to have.
+        extent_m: the object's robust diameter, metres.
+        truncated: whether constellations were cut off.
+        warnings: what is odd about the cloud, in sentences.
+        stimuli: *gamma^o.
+    """
+
+    responses: NDArray[np.float64]
+    distances: NDArray[np.float64]
+    concept_ids: NDArray[np.int64]
+    concept_sizes: NDArray[np.int64]
+    ranking: NDArray[np.int64]
+    time: float
+    segments: int
+    extent_m: float
+    truncated: bool
+    warnings: tuple[str, ...]
+    stimuli: Stimuli
+
+
+@dataclass(frozen=True)
+class ShapeModel:
+    """All that was learnt; immutable.
+
+    Attributes:
+        params: the parameters of every stage.
+        dictionary: D.
+        ensemble: HE.
+        stimuli: (N, V) float32 sparse: the training objects' stimuli vectors, raw.
+        space: the topological space X.
+        filtration: of X, with F.
+        metric: between stimuli vectors.
+        prototypes: what is known of the training objects.
+        notes: what the rules for degenerate outcomes had to say.
+    """
+
+    params: ModelParams
+    dictionary: Dictionary
+    ensemble: Ensemble
+    stimuli: csr_array
+    space: TopologicalSpace
+    filtration: Filtration
+    metric: Metric
+    prototypes: Prototypes
+    notes: tuple[str, ...]
+
+    def respond(self, cloud: PointCloud, *, time: float | None = None, on_stage: OnStage = ignore_stage) -> Response:
+        """Tells which concepts an object's cloud resembles.
+
+        Args:
+            cloud: of one object, in the sensor's frame.
+            time: filtration time of the concepts, [0, 1]; None for epsilon_max.
+            on_stage: called as each stage begins.
+
+        Raises:
+            InvalidCloud: the cloud cannot be described; a child says why.
+            InvalidParameter: the time is out of range.
+        """
+        concepts = self.concepts(time)
+        seen = perceive(cloud, self.params, on_stage)
+
+        on_stage("stimuli")
+        words = self.dictionary.words(seen.segment_descriptors)
+        stimuli = stimulate(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
+
+        on_stage("responses")
+        responses, distances = respond_to_concepts(
+            stimuli, concepts, self.metric, self.embedded_prototypes, self.params.response
+        )
+        return Response(
+            responses=responses,
+            distances=distances,
+            concept_ids=concepts.ids,
+            concept_sizes=concepts.sizes,
+            ranking=np.argsort(responses, kind="stable"),
+            time=concepts.time,
+            segments=seen.graph.count,
+            extent_m=seen.graph.frame.extent,
+            truncated=seen.constellations.truncated,
+            warnings=seen.warnings,
+            stimuli=stimuli,
+        )
+
+    def concepts(self, time: float | None = None) -> Concepts:
+        """The concepts at a filtration time; None for epsilon_max."""
+        return concepts_at(self.filtration, time)
+
+    @cached_property
+    def embedded_prototypes(self) -> NDArray[np.float64]:
+        """The concept prototypes in the metric's coordinates (N, k)."""
+        return self.metric.embed(self.stimuli)
+
+    def facts(self) -> dict[str, Any]:
+        """What the manifest says of the model beside its parameters."""
+        levels = [len(h.vertices) for h in self.ensemble.hierarchies]
+        return {
+            "counts": {
+                "objects": self.stimuli.shape[0],
+                "motif_prototypes": len(self.ensemble.prototypes),
+                "motif_vertices": self.ensemble.vertex_count,
+                "motif_vertices_of_hierarchies": levels,
+                "concepts": len(self.concepts().sizes),
+            },
+            "epsilon_max": self.filtration.epsilon_max,
+            "notes": list(self.notes),
+        }
+
+    def to_tensors(self) -> dict[str, NDArray[Any]]:
+        """The model as named arrays; the parameters stand apart, in the manifest."""
+        return layout.to_tensors(self)
+
+    @classmethod
+    def from_tensors(cls, tensors: Mapping[str, NDArray[Any]], params: ModelParams) -> ShapeModel:
+        """The model that `to_tensors` wrote.
+
+        Raises:
+            ModelDamaged: tensors are missing, of the wrong kind, or do not fit together.
+        """
+        return cls(params=params, **layout.from_tensors(tensors))

@@ -1,0 +1,154 @@
+"""The parameters of every stage, with their bounds, units and where they come from.
+
+One frozen model a stage; `ModelParams` nests them. The same classes feed the command line, the manifest of a
+published model and the documentation. `ModelParams.preset("paper")` holds the paper's own choices.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.engine.errors import InvalidParameter
+
+
+class StageParams(BaseModel):
+    """Base of all stages' parameters: frozen, and closed against misspelt names."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CloudParams(StageParams):
+    """What is taken for an object's cloud, and how finely it is looked at."""
+
+    min_points: int = Field(100, ge=10, description="fewest points that are answered")
+    min_extent: float = Field(0.002, gt=0, description="smallest plausible object, metres")
+    max_extent: float = Field(20.0, gt=0, description="largest plausible object, metres")
+    voxel: float = Field(1 / 32, gt=0.005, le=0.2, description="voxel edge, share of the object's extent")
+    min_island: float = Field(
+        0.02, ge=0, lt=0.5, description="smaller islands are scattered returns, share of the voxels"
+    )
+    points_per_voxel: float = Field(
+        2.0,
+        ge=1,
+        le=20,
+        description="fewest points an occupied voxel holds on average; sparser clouds get larger voxels",
+    )
+
+
+class PatchParams(StageParams):
+    """Atomic patches: supervoxels after Papon et al. 2013 (VCCS), without colour."""
+
+    normal_radius: float = Field(0.1, gt=0, le=0.5, description="neighbourhood of a normal, share of the extent")
+    seed: float = Field(0.1, gt=0.01, le=0.5, description="distance of the seeds, share of the extent")
+    normal_weight: float = Field(1.0, ge=0, description="w_n of D = w_n (1 - |n1.n2|) + w_s |dx| / seed")
+    spatial_weight: float = Field(0.4, ge=0, description="w_s of D = w_n (1 - |n1.n2|) + w_s |dx| / seed")
+    iterations: int = Field(5, ge=1, le=50, description="rounds of flow-constrained growth")
+
+
+class SegmentParams(StageParams):
+    """Super patches: patches merged across smooth borders."""
+
+    angle: float = Field(30.0, gt=0, lt=180, description="largest bend of a border that is merged across, degrees")
+    min_share: float = Field(0.03, ge=0, lt=0.5, description="smaller segments are absorbed, share of the surface")
+    max_segments: int = Field(24, ge=1, le=62, description="the smallest segments beyond this number are absorbed")
+
+
+class DescriptorParams(StageParams):
+    """FPFH (Rusu et al. 2009), and beside it distributions that see the arrangement of parts.
+
+    The paper describes with FPFH alone (`shape_weight` 0).
+    """
+
+    fpfh_radius: float = Field(0.125, gt=0, le=0.5, description="neighbourhood of FPFH, share of the extent")
+    shape_weight: float = Field(0.7, ge=0, le=1, description="weight of the shape distributions beside FPFH")
+    draws: int = Field(2000, ge=100, le=100_000, description="random triples of points for a constellation")
+
+
+class DictionaryParams(StageParams):
+    """The hierarchical dictionary of visual words."""
+
+    levels: int = Field(4, ge=1, le=10, description="n: level f holds 2^f visual words; one motif hierarchy a level")
+
+
+class HierarchyParams(StageParams):
+    """Propagation of constellations."""
+
+    max_constellations: int = Field(
+        24, ge=1, le=4096, description="constellations kept on one motif level; the largest stay, the rest is cut off"
+    )
+    max_levels: int = Field(12, ge=1, le=62, description="motif levels below the whole object")
+
+
+class StimuliParams(StageParams):
+    """Eq. 1 and how a vertex's several stimuli become one.
+
+    The paper: only vertices with the constellation's very words fire (`gating` "words"), sigma = 0.025, stimuli are
+    accumulated (`pooling` "sum"), and a constellation's size does not count (`coverage_power` 0).
+    """
+
+    sigma: float = Field(0.08, gt=0, le=1, description="bandwidth of the kernel, nats of JSD")
+    gating: Literal["words", "kernel"] = Field("kernel", description="which vertices a constellation may activate")
+    pooling: Literal["sum", "mean", "max"] = Field("max", description="over the constellations that activate a vertex")
+    coverage_power: float = Field(
+        2.0, ge=0, le=8, description="stimuli are weighted by the covered share to this power"
+    )
+    cutoff: float = Field(1e-4, ge=0, lt=0.1, description="stimuli below this are stored as 0")
+
+
+class FiltrationParams(StageParams):
+    """The filtration of the topological space."""
+
+    max_steps: int = Field(100, ge=1, le=10_000, description="upper bound on the number of steps |E|")
+
+
+class ResponseParams(StageParams):
+    """Eq. 4: the metric between stimuli vectors, and the form of the response that is scored.
+
+    The paper says Mahalanobis; with more dimensions than samples its covariance must be a subspace's ("subspace"),
+    or the full one regularised ("diagonal", "shrunk", "identity").
+    """
+
+    metric: Literal["subspace", "diagonal", "shrunk", "identity"] = Field(
+        "subspace", description="form of the covariance"
+    )
+    dimensions: int = Field(32, ge=1, le=512, description="strongest components kept by the metric 'subspace'")
+    hellinger: bool = Field(True, description="measure between square roots of the stimuli normalised to sum 1")
+    score: Literal["relative", "distance"] = Field(
+        "relative", description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts"
+    )
+
+
+class ModelParams(StageParams):
+    """All parameters of a shape model, stage by stage, in the order of the method."""
+
+    cloud: CloudParams = CloudParams()
+    patches: PatchParams = PatchParams()
+    segments: SegmentParams = SegmentParams()
+    descriptor: DescriptorParams = DescriptorParams()
+    dictionary: DictionaryParams = DictionaryParams()
+    hierarchy: HierarchyParams = HierarchyParams()
+    stimuli: StimuliParams = StimuliParams()
+    filtration: FiltrationParams = FiltrationParams()
+    response: ResponseParams = ResponseParams()
+
+    @classmethod
+    def preset(cls, name: str) -> ModelParams:
+        """The parameters of a named preset.
+
+        Args:
+            name: "default", or "paper" for the paper's literal choices throughout.
+
+        Raises:
+            InvalidParameter: there is no preset of that name.
+        """
+        if name == "default":
+            return cls()
+        if name == "paper":
+            return cls(
+                descriptor=DescriptorParams(shape_weight=0),
+                stimuli=StimuliParams(sigma=0.025, gating="words", pooling="sum", coverage_power=0, cutoff=0),
+                response=ResponseParams(metric="shrunk", hellinger=False, score="distance"),
+            )
+        raise InvalidParameter(f"There is no preset '{name}'; there are 'default' and 'paper'.")

@@ -1,0 +1,211 @@
+"""Cloud -> atomic patches: normals that keep creases sharp, and supervoxels (Sec. Object Segment Extraction).
+
+Patches follow Papon et al., "Voxel Cloud Connectivity Segmentation", CVPR 2013, on geometry alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from service.engine.cloud import VoxelCloud
+from service.engine.neighbours import Neighbourhood, neighbourhood, touching
+from service.engine.params import PatchParams
+
+FLATTEST = 4.0  # power with which flat neighbourhoods outvote those that straddle a crease
+NOISE_FLOOR = 3e-3  # surface variation that a noisy plane has
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The atomic patches of a cloud.
+
+    Attributes:
+        cloud: the voxels' points.
+        normals: (M, 3) float64, unit length, towards the viewpoint.
+        adjacent: which voxels touch.
+        labels: (M,) int64: the patch of each voxel, 0 to `count` - 1.
+        count: number of patches.
+    """
+
+    cloud: VoxelCloud
+    normals: NDArray[np.float64]
+    adjacent: Neighbourhood
+    labels: NDArray[np.int64]
+    count: int
+
+
+def extract_patches(cloud: VoxelCloud, params: PatchParams) -> Patches:
+    """Over-segments a cloud into atomic patches that do not cross creases."""
+    normals = estimate_normals(cloud, max(params.normal_radius, 2 * cloud.size))
+    adjacent = touching(cloud.cells)
+    seed = max(params.seed, 3 * cloud.size)
+    labels = _grow(
+        cloud.points, normals, adjacent.indptr, adjacent.indices, _seeds(cloud.points, seed), seed,
+        params.normal_weight, params.spatial_weight, params.iterations,
+    )  # fmt: skip
+    present, labels = np.unique(labels, return_inverse=True)
+    return Patches(cloud, normals, adjacent, labels, len(present))
+
+
+def estimate_normals(cloud: VoxelCloud, radius: float) -> NDArray[np.float64]:
+    """Unit normals towards the viewpoint, which stay sharp at creases.
+
+    A plane is fitted about each voxel; then each voxel takes the mean of the planes about its neighbours, of which
+    the flattest weigh most, so that beside a crease the fits that do not straddle it decide.
+
+    Args:
+        cloud: (M, 3) points, extents.
+        radius: of the planes' support, extents.
+
+    Returns:
+        (M, 3) float64.
+    """
+    near = neighbourhood(cloud.points, radius)
+    variance, axes = np.linalg.eigh(_covariances(cloud.points, near.indptr, near.indices))
+    normals = np.ascontiguousarray(axes[:, :, 0])
+    variation = variance[:, 0] / np.maximum(variance.sum(axis=1), 1e-12)
+    _face(normals, cloud)
+    normals = _flattest_mean(normals, 1 / (variation + NOISE_FLOOR) ** FLATTEST, near.indptr, near.indices)
+    _face(normals, cloud)
+    return normals
+
+
+def _face(normals: NDArray[np.float64], cloud: VoxelCloud) -> None:
+    """Turns normals, in place, to the side from which the sensor looked."""
+    away = np.einsum("ij,ij->i", normals, cloud.frame.viewpoint - cloud.points) < 0
+    normals[away] *= -1
+
+
+def _seeds(points: NDArray[np.float64], seed: float) -> NDArray[np.int64]:
+    """In each occupied cell of the seed grid, the voxel nearest to the mean of the cell's voxels; ascending."""
+    cells = np.floor(points / seed).astype(np.int64)
+    _, owner = np.unique(cells, axis=0, return_inverse=True)
+    owner = owner.reshape(-1)
+    count = np.bincount(owner)
+    mean = np.stack([np.bincount(owner, points[:, axis]) / count for axis in range(3)], axis=1)
+    order = np.lexsort((np.linalg.norm(points - mean[owner], axis=1), owner))
+    return np.sort(order[np.concatenate([[0], np.cumsum(count)[:-1]])])
+
+
+@njit(cache=True)
+def _covariances(
+    points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    out = np.zeros((len(points), 3, 3))
+    for i in range(len(points)):
+        near = points[indices[indptr[i] : indptr[i + 1]]]
+        mean = np.zeros(3)
+        for p in near:
+            mean += p
+        mean /= len(near)
+        for p in near:
+            for a in range(3):
+                for b in range(a + 1):
+                    out[i, a, b] += (p[a] - mean[a]) * (p[b] - mean[b])
+        for a in range(3):
+            for b in range(a):
+                out[i, b, a] = out[i, a, b]
+    return out
+
+
+@njit(cache=True)
+def _flattest_mean(
+    normals: NDArray[np.float64], weight: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Mean of the neighbours' normals, weighted, each turned to the side of the voxel's own; unit length."""
+    out = np.zeros_like(normals)
+    for i in range(len(normals)):
+        for k in indices[indptr[i] : indptr[i + 1]]:
+            out[i] += weight[k] * normals[k]
+        length = np.sqrt((out[i] ** 2).sum())
+        out[i] = out[i] / length if length > 0 else normals[i]
+    return out
+
+
+@njit(cache=True)
+def _grow(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    indptr: NDArray[np.int64],
+    indices: NDArray[np.int64],
+    seeds: NDArray[np.int64],
+    seed: float,
+    normal_weight: float,
+    spatial_weight: float,
+    iterations: int,
+) -> NDArray[np.int64]:
+    """Flow-constrained clustering: patches grow from their seeds through touching voxels, nearest patch first.
+
+    D = w_n (1 - |n1.n2|) + w_s |dx| / seed (Papon et al. 2013, without colour). Islands that no seed reaches
+    become patches of their own. Returns the label of each voxel (M,).
+    """
+    size = len(points)
+    centres, directions = points[seeds].copy(), normals[seeds].copy()
+    starts = seeds.copy()
+    labels = np.full(size, -1, np.int64)
+    for _ in range(iterations):
+        labels[:] = -1
+        distance = np.full(size, np.inf)
+        for label in range(len(starts)):
+            labels[starts[label]] = label
+            distance[starts[label]] = 0.0
+        changed = True
+        for _ in range(64):
+            if not changed:
+                break
+            changed = False
+            before = labels.copy()
+            for i in range(size):
+                for k in indices[indptr[i] : indptr[i + 1]]:
+                    label = before[k]
+                    if label < 0 or label == labels[i]:
+                        continue
+                    dot = abs((normals[i] * directions[label]).sum())
+                    dx = np.sqrt(((points[i] - centres[label]) ** 2).sum())
+                    d = normal_weight * (1.0 - dot) + spatial_weight * dx / seed
+                    if d < distance[i]:
+                        distance[i], labels[i], changed = d, label, True
+        centres[:] = 0.0
+        directions[:] = 0.0
+        count = np.zeros(len(seeds))
+        for i in range(size):
+            if labels[i] >= 0:
+                centres[labels[i]] += points[i]
+                directions[labels[i]] += normals[i]
+                count[labels[i]] += 1
+        nearest = np.full(len(seeds), np.inf)
+        for label in range(len(seeds)):
+            centres[label] /= count[label]
+            directions[label] /= max(np.sqrt((directions[label] ** 2).sum()), 1e-12)
+        for i in range(size):
+            label = labels[i]
+            if label >= 0:
+                d = ((points[i] - centres[label]) ** 2).sum()
+                if d < nearest[label]:
+                    nearest[label], starts[label] = d, i
+    return _label_islands(labels, indptr, indices, len(seeds))
+
+
+@njit(cache=True)
+def _label_islands(
+    labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64], fresh: int
+) -> NDArray[np.int64]:
+    """Gives every connected part of the voxels that bear no label a fresh one."""
+    stack = np.empty(len(labels), np.int64)
+    for i in range(len(labels)):
+        if labels[i] >= 0:
+            continue
+        labels[i], stack[0], top = fresh, i, 1
+        while top > 0:
+            top -= 1
+            v = stack[top]
+            for k in indices[indptr[v] : indptr[v + 1]]:
+                if labels[k] < 0:
+                    labels[k], stack[top] = fresh, k
+                    top += 1
+        fresh += 1
+    return labels

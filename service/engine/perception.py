@@ -1,0 +1,69 @@
+"""What learning and answering share: a cloud becomes described constellations of segments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.engine.cloud import PointCloud, downsample, normalise
+from service.engine.descriptor import describe
+from service.engine.motifs import Constellations, propagate
+from service.engine.params import ModelParams
+from service.engine.patches import extract_patches
+from service.engine.segments import SegmentGraph, merge_patches
+
+OnStage = Callable[[str], None]
+"""Called with the name of each stage as it begins; may raise to stop the work."""
+
+
+def ignore_stage(_: str) -> None:
+    """An `OnStage` that does nothing."""
+
+
+@dataclass(frozen=True)
+class Perception:
+    """An object as the method sees it.
+
+    Attributes:
+        graph: the segment graph g^o.
+        constellations: C of them; the first S are the single segments, in the graph's order.
+        descriptors: (C, D) float32.
+        warnings: what is odd about the cloud, in sentences.
+    """
+
+    graph: SegmentGraph
+    constellations: Constellations
+    descriptors: NDArray[np.float32]
+    warnings: tuple[str, ...]
+
+    @property
+    def segment_descriptors(self) -> NDArray[np.float32]:
+        """(S, D): what visual words are made of."""
+        return self.descriptors[: self.graph.count]
+
+
+def perceive(cloud: PointCloud, params: ModelParams, on_stage: OnStage = ignore_stage) -> Perception:
+    """Segments an object, propagates its segments into constellations and describes these.
+
+    Raises:
+        InvalidCloud: the cloud is not one that can be described; a child says why.
+    """
+    on_stage("normalise")
+    normalised = normalise(cloud, params.cloud)
+    voxels = downsample(normalised, params.cloud)
+
+    on_stage("patches")
+    patches = extract_patches(voxels, params.patches)
+
+    on_stage("segments")
+    graph = merge_patches(patches, params.segments)
+
+    on_stage("constellations")
+    constellations = propagate(graph, params.hierarchy)
+
+    on_stage("descriptors")
+    descriptors = describe(graph, constellations.members, params.descriptor)
+    return Perception(graph, constellations, descriptors, normalised.warnings)

@@ -1,0 +1,182 @@
+"""Patches -> super patches ("segments") and their graph g^o (Sec. Object Segment Extraction)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from service.engine.cloud import Frame
+from service.engine.neighbours import neighbourhood
+from service.engine.params import SegmentParams
+from service.engine.patches import Patches
+
+BAND = 2.5  # voxels on either side of a border whose normals speak for that side
+GAP = 2.5  # voxels that missing returns may put between two segments of one surface
+
+
+@dataclass(frozen=True)
+class SegmentGraph:
+    """The segments of an object and which of them are adjacent: g^o.
+
+    Segments are numbered by decreasing size, so that the numbers mean the same for any order of the points.
+
+    Attributes:
+        points: (M, 3) float64, extents.
+        normals: (M, 3) float64, unit length, towards the viewpoint.
+        labels: (M,) int64: the segment of each point.
+        share: (S,) float64: each segment's share of the surface seen.
+        edges: (E, 2) int64: adjacent segments, the smaller number first, sorted.
+        voxel: the distance of neighbouring points, extents.
+        frame: where the points lie.
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    labels: NDArray[np.int64]
+    share: NDArray[np.float64]
+    edges: NDArray[np.int64]
+    voxel: float
+    frame: Frame
+
+    @property
+    def count(self) -> int:
+        """Number of segments S."""
+        return len(self.share)
+
+
+def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
+    """Merges patches across smooth borders, the smoothest first, and absorbs fragments into their neighbours.
+
+    A border's bend is the mean angle between the normals on its two sides; that of a merged segment is the mean over
+    its whole border, so that one blurred spot does not weld the two sides of a crease.
+    """
+    points = patches.cloud.points
+    bend, length = _borders(patches)
+    size = np.bincount(patches.labels, minlength=patches.count).astype(np.float64)
+    least = params.min_share * len(points)
+    merged = _merge(bend, length, size, np.cos(np.radians(params.angle)), least, params.max_segments)
+    labels = _by_size(merged[patches.labels])
+    return SegmentGraph(
+        points=points,
+        normals=patches.normals,
+        labels=labels,
+        share=np.bincount(labels) / len(points),
+        edges=_adjacent_segments(points, labels, GAP * patches.cloud.size),
+        voxel=patches.cloud.size,
+        frame=patches.cloud.frame,
+    )
+
+
+def _borders(patches: Patches) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Summed cosines of the bend (P, P), and the number of touching voxel pairs (P, P), of every two patches."""
+    near = neighbourhood(patches.cloud.points, BAND * patches.cloud.size)
+    sides = _side_normals(patches.normals, patches.labels, near.indptr, near.indices)
+    touch = patches.adjacent
+    across = patches.labels[touch.rows] != patches.labels[touch.indices]
+    a, b = touch.rows[across], touch.indices[across]
+    cosine = np.einsum("ij,ij->i", sides[a], sides[b])
+    keys = patches.labels[a] * patches.count + patches.labels[b]
+    shape = (patches.count, patches.count)
+    bend = np.bincount(keys, cosine, minlength=patches.count**2).reshape(shape).astype(np.float64)
+    length = np.bincount(keys, minlength=patches.count**2).reshape(shape).astype(np.float64)
+    return bend, length
+
+
+def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Renumbers labels by decreasing size; of equal sizes the one whose first point comes first."""
+    values, first, inverse, count = np.unique(labels, return_index=True, return_inverse=True, return_counts=True)
+    rank = np.empty(len(values), np.int64)
+    rank[np.lexsort((first, -count))] = np.arange(len(values))
+    return rank[inverse]
+
+
+def _adjacent_segments(points: NDArray[np.float64], labels: NDArray[np.int64], gap: float) -> NDArray[np.int64]:
+    near = neighbourhood(points, gap)
+    rows, columns = labels[near.rows], labels[near.indices]
+    pairs = np.stack([rows, columns], axis=1)[rows < columns]
+    return np.unique(pairs, axis=0).reshape(-1, 2)
+
+
+@njit(cache=True)
+def _side_normals(
+    normals: NDArray[np.float64], labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Mean normal of the nearby points of the same patch (M, 3), unit length."""
+    out = np.zeros_like(normals)
+    for i in range(len(normals)):
+        for k in indices[indptr[i] : indptr[i + 1]]:
+            if labels[k] == labels[i]:
+                out[i] += normals[k]
+        out[i] /= max(np.sqrt((out[i] ** 2).sum()), 1e-12)
+    return out
+
+
+@njit(cache=True)
+def _merge(
+    bend: NDArray[np.float64],
+    length: NDArray[np.float64],
+    size: NDArray[np.float64],
+    smooth: float,
+    least: float,
+    most: int,
+) -> NDArray[np.int64]:
+    """The segment of each patch (P,).
+
+    First the two regions with the straightest border are joined while its mean cosine is at least `smooth`; then the
+    smallest region joins its straightest neighbour while it is under `least` or there are more than `most`.
+    A region without neighbours is left alone, unless there are too many: then it joins the largest.
+    """
+    bend, length, size = bend.copy(), length.copy(), size.copy()
+    count = len(size)
+    root = np.arange(count)
+    while True:
+        best, a, b = smooth, -1, -1
+        for i in range(count):
+            for j in range(i):
+                if length[i, j] > 0 and bend[i, j] >= best * length[i, j]:
+                    best, a, b = bend[i, j] / length[i, j], j, i
+        if a < 0:
+            break
+        _join(a, b, bend, length, size, root)
+    while True:
+        alive = 0
+        for i in range(count):
+            alive += size[i] > 0
+        a, b = -1, -1
+        for i in np.argsort(size, kind="mergesort"):
+            if size[i] > 0 and a < 0 and (size[i] < least or alive > most):
+                best = -2.0
+                for j in range(count):
+                    if size[j] > 0 and length[i, j] > 0 and bend[i, j] > best * length[i, j]:
+                        best, a, b = bend[i, j] / length[i, j], j, i
+        if a < 0 and alive > most:
+            order = np.argsort(-size, kind="mergesort")
+            a, b = order[0], order[alive - 1]
+        if a < 0:
+            break
+        _join(a, b, bend, length, size, root)
+    return root
+
+
+@njit(cache=True)
+def _join(
+    a: int,
+    b: int,
+    bend: NDArray[np.float64],
+    length: NDArray[np.float64],
+    size: NDArray[np.float64],
+    root: NDArray[np.int64],
+) -> None:
+    """Region b becomes part of region a."""
+    bend[a] += bend[b]
+    bend[:, a] += bend[:, b]
+    length[a] += length[b]
+    length[:, a] += length[:, b]
+    bend[b], bend[:, b], length[b], length[:, b] = 0.0, 0.0, 0.0, 0.0
+    bend[a, a], length[a, a] = 0.0, 0.0
+    size[a] += size[b]
+    size[b] = 0.0
+    root[root == b] = a
