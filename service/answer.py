@@ -17,7 +17,7 @@ class Concept(BaseModel):
     response: float = Field(description="the form that is scored, smaller is closer")
     distance: float = Field(description="mean Mahalanobis distance to the concept's prototypes, Eq. 4")
     rank: int = Field(ge=1, description="1 is the closest concept")
-    prototypes: int = Field(ge=2, description="training objects that make up the concept")
+    prototypes: int = Field(description="training objects that make up the concept")
 
 
 class Stimuli(BaseModel):
@@ -45,7 +45,9 @@ class Answer(BaseModel):
     truncated: bool = Field(description="whether constellations were left out because there were too many")
     warnings: list[str] = Field(description="what is odd about the cloud, in sentences")
     timings_ms: dict[str, float] = Field(description="how long each stage took, milliseconds")
-    stimuli: Stimuli | None = Field(None, description="the stimuli vector, if it was asked for")
+    stimuli: Stimuli | None = Field(
+        None, description="the stimuli vector, if it was asked for", exclude_if=lambda value: value is None
+    )
 
 
 def compose(
@@ -60,7 +62,6 @@ def compose(
         top: how many of the best concepts are listed, None for all; `responses` and `distances` are whole always.
         stimuli: whether the stimuli vector is part of the answer.
     """
-    index, value = response.stimuli
     return Answer(
         model=model[0],
         version=model[1],
@@ -83,5 +84,10 @@ def compose(
         truncated=response.truncated,
         warnings=list(response.warnings),
         timings_ms=timings_ms,
-        stimuli=Stimuli(index=index.tolist(), value=value.tolist()) if stimuli else None,
+        stimuli=_stimuli(response) if stimuli else None,
     )
+
+
+def _stimuli(response: Response) -> Stimuli:
+    index, value = response.stimuli
+    return Stimuli(index=index.tolist(), value=value.tolist())

@@ -6,11 +6,13 @@ import re
 import threading
 import time as clock
 from collections import OrderedDict
+from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import BaseModel, Field
 
 from service import clouds
+from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
@@ -127,6 +129,16 @@ class Application:
             raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
         return self.store.resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
 
+    def prepare(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
+        """Name and version of the model that is meant, as `which`; it is in memory afterwards.
+
+        Raises:
+            ModelDamaged, ModelIncompatible: the model cannot be used.
+        """
+        name, number = self.which(model, version, alias)
+        self._model(name, number)
+        return name, number
+
     def ready(self) -> Readiness:
         """Whether there is a model to answer with; loads the default one.
 
@@ -137,11 +149,10 @@ class Application:
         """
         names = self.store.names()
         if not names:
-            raise ModelNotFound(f"The store {self.store.url} holds no model yet.")
+            raise ModelNotFound("The store holds no model yet.")
         if self.settings.model is None and len(names) > 1:
             return Readiness(model=None, version=None, models=names)
-        name, version = self.which(None)
-        self._model(name, version)
+        name, version = self.prepare(None)
         return Readiness(model=name, version=version, models=names)
 
     def models(self) -> list[ModelSummary]:
@@ -154,6 +165,14 @@ class Application:
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
         return self.store.manifest(name, version)
+
+    def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
+        """All that each alias of a model has meant, oldest first."""
+        return {alias: self.store.alias_history(name, alias) for alias in self.store.aliases(name)}
+
+    def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
+        """Writes a version's files into a folder; returns them."""
+        return self.store.export(name, version, out_dir)
 
     def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
         """Lets an alias mean the version that a reference names; returns its name and version."""
@@ -185,7 +204,7 @@ class Application:
         if len(names) == 1:
             return names[0]
         if not names:
-            raise ModelNotFound(f"The store {self.store.url} holds no model yet: train and publish one first.")
+            raise ModelNotFound("The store holds no model yet: train and publish one first.")
         raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
 
     def _model(self, name: str, version: int) -> ShapeModel:
@@ -197,6 +216,24 @@ class Application:
                     self._loaded.popitem(last=False)
             self._loaded.move_to_end((name, version))
             return self._loaded[name, version]
+
+
+def parse_viewpoint(text: str) -> clouds.Viewpoint:
+    """The pose "x,y,z" or "x,y,z,qw,qx,qy,qz", as requests and the command line write it.
+
+    Raises:
+        InvalidParameter: it is not 3 or 7 finite numbers, or the quaternion is no rotation.
+    """
+    parts = text.split(",")
+    if len(parts) not in (3, 7):
+        raise InvalidParameter(
+            f"The viewpoint is x,y,z or x,y,z,qw,qx,qy,qz: 3 or 7 numbers, but there were {len(parts)}."
+        )
+    try:
+        x, y, z, *turn = map(float, parts)
+    except ValueError:
+        raise InvalidParameter(f"The viewpoint is numbers, separated by commas; it was '{text[:100]}'.") from None
+    return clouds.Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]) if turn else (1.0, 0.0, 0.0, 0.0))
 
 
 class _Timings:

@@ -11,7 +11,7 @@ import json
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import safetensors.numpy
@@ -23,7 +23,7 @@ from service.engine.errors import ModelDamaged, ModelIncompatible
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 
-FORMAT = "shape-concepts-model"
+FORMAT: Final = "shape-concepts-model"
 FORMAT_VERSION = 1
 TENSORS = "model.safetensors"
 NAME = r"[a-z0-9][a-z0-9-]*"
@@ -53,7 +53,9 @@ class Manifest(BaseModel):
     seed: int = Field(description="seed of all random draws of the training")
     params: ModelParams = Field(description="parameters of every stage")
     source: dict[str, JsonValue] = Field(description="where the training clouds came from")
-    counts: dict[str, int] = Field(description="how many prototypes, concepts, motif vertices and the like it holds")
+    counts: dict[str, int | list[int]] = Field(
+        description="how many prototypes, concepts, motif vertices and the like it holds"
+    )
     epsilon_max: float = Field(description="filtration time of most annexations, in [0, 1]")
     notes: list[str] = Field(description="what is unusual about this model, in sentences")
     contents: dict[str, Content] = Field(description="files of the model and their hashes")

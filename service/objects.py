@@ -39,7 +39,8 @@ class Objects:
         self._opened: ObjectStore | None = None
         if self._folder is None:
             with self._reporting("opened"):
-                self._opened = from_url(self.url, retry_config=cast(Any, RETRY), client_options=_client_options())
+                opening: Any = from_url  # which of its overloads is meant, the URL tells
+                self._opened = opening(self.url, retry_config=RETRY, client_options=_client_options())
 
     def put(self, key: str, data: bytes) -> None:
         """Writes an object at once, replacing what was there."""

@@ -157,7 +157,7 @@ class ModelStore:
         try:
             return decode(self._tensors(manifest), manifest), manifest
         except ModelDamaged as error:
-            raise ModelDamaged(f"{name}:{version} of the store {self.url} is refused. {error}") from error
+            raise ModelDamaged(f"{name}:{version} is refused. {error}") from error
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
         """Writes `manifest.json` and `model.safetensors` of a version, byte for byte as they are stored.
@@ -210,10 +210,10 @@ class ModelStore:
             raise self._no_version(name, version)
 
     def _no_version(self, name: str, version: int) -> ModelNotFound:
-        return ModelNotFound(f"There is no version {version} of '{name}' in {self.url}. {self._what_exists(name)}")
+        return ModelNotFound(f"There is no version {version} of '{name}'. {self._what_exists(name)}")
 
     def _no_alias(self, name: str, alias: str) -> ModelNotFound:
-        return ModelNotFound(f"There is no '{name}@{alias}' in {self.url}. {self._what_exists(name)}")
+        return ModelNotFound(f"There is no '{name}@{alias}'. {self._what_exists(name)}")
 
     def _what_exists(self, name: str) -> str:
         if versions := self.versions(name):
