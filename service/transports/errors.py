@@ -1,0 +1,97 @@
+"""The one table of error codes: what each error is in HTTP and in gRPC, and the document that describes it.
+
+The document is that of RFC 9457 (problem details), the same on every transport: the body of an HTTP answer, a
+detail of a gRPC status, the payload of a zenoh error reply.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from service.engine.errors import (
+    Cancelled,
+    InvalidCloud,
+    InvalidParameter,
+    ModelDamaged,
+    ModelIncompatible,
+    ModelNotFound,
+    NotEnoughSamples,
+    Overloaded,
+    RendererUnavailable,
+    ShapeConceptsError,
+    StoreUnavailable,
+    TooManyPoints,
+    UnreadableCloud,
+    UnsupportedFormat,
+)
+
+MEDIA_TYPE = "application/problem+json"
+RETRY_AFTER = 1  # seconds, said where trying again may help
+
+
+class Status(NamedTuple):
+    """What an error is called on the wires.
+
+    Attributes:
+        http: status code.
+        grpc: name of the status code.
+        title: the kind of error in words, the same for every occurrence.
+        retry: whether the same request may succeed a little later.
+        private: whether the message is for the operator's log alone, since it tells of the inside.
+    """
+
+    http: int
+    grpc: str
+    title: str
+    retry: bool = False
+    private: bool = False
+
+
+TABLE: dict[type[ShapeConceptsError], Status] = {
+    InvalidParameter: Status(422, "INVALID_ARGUMENT", "A parameter is out of its range"),
+    UnreadableCloud: Status(400, "INVALID_ARGUMENT", "The cloud cannot be read"),
+    UnsupportedFormat: Status(415, "INVALID_ARGUMENT", "The format of the cloud is not supported"),
+    InvalidCloud: Status(422, "INVALID_ARGUMENT", "The cloud cannot be answered"),
+    TooManyPoints: Status(413, "INVALID_ARGUMENT", "The cloud has too many points"),
+    NotEnoughSamples: Status(422, "FAILED_PRECONDITION", "There are too few clouds to learn from"),
+    RendererUnavailable: Status(503, "FAILED_PRECONDITION", "There is no renderer"),
+    ModelNotFound: Status(404, "NOT_FOUND", "There is no such model"),
+    ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
+    ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
+    StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
+    Overloaded: Status(429, "RESOURCE_EXHAUSTED", "The service has too much to do", retry=True),
+    Cancelled: Status(499, "CANCELLED", "The request was cancelled"),
+}
+INTERNAL = Status(500, "INTERNAL", "Something unexpected went wrong")
+
+
+def status_of(error: ShapeConceptsError) -> Status:
+    """The status of an error: its class's, or the nearest base's that the table has."""
+    return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
+
+
+def problem(type_name: str, title: str, status: int, detail: str, request_id: str) -> dict[str, Any]:
+    """A problem document of RFC 9457.
+
+    Args:
+        type_name: stable, kebab-case name of the error, e.g. "too-few-points".
+        title: the kind of error in words.
+        status: HTTP status code; the other transports send it as well.
+        detail: what was wrong this time, and what to try.
+        request_id: names the occurrence, as it is logged; a UUID.
+    """
+    return {
+        "type": f"urn:shape-concepts:error:{type_name}",
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": f"urn:uuid:{request_id}",
+    }
+
+
+def problem_of(error: ShapeConceptsError, request_id: str) -> dict[str, Any]:
+    """The problem document of one of our errors."""
+    status = status_of(error)
+    known = (type(error).__doc__ or "").partition("\n")[0]
+    detail = known if status.private else str(error) or known
+    return problem(error.type_name(), status.title, status.http, detail, request_id)

@@ -1,0 +1,1 @@
+"""HTTP: JSON over REST, with errors as RFC 9457 says."""

@@ -1,0 +1,32 @@
+"""The HTTP interface as an ASGI app."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+from service import __version__
+from service.application import Application
+from service.transports.rest import health, models, problems, responses
+
+
+def create_app(application: Application) -> FastAPI:
+    """An app that answers for an application, and closes it at the end."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        application.close()
+
+    app = problems.DescribedApi(
+        title="Shape Concepts",
+        version=__version__,
+        summary="Tells of an object's point cloud which learned shape concepts it resembles.",
+        lifespan=lifespan,
+    )
+    problems.install(app)
+    for module in (responses, models, health):
+        app.include_router(module.router(application))
+    return app

@@ -1,0 +1,147 @@
+"""Every error of the HTTP interface as a problem document (RFC 9457), and how OpenAPI describes them."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from http import HTTPStatus
+from typing import Any, NamedTuple
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from starlette.datastructures import MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.engine.errors import InvalidParameter, ShapeConceptsError
+from service.transports import errors
+from service.transports.rest import examples
+
+log = logging.getLogger(__name__)
+
+REQUEST_ID = "X-Request-ID"
+
+
+class Refusal(NamedTuple):
+    """How a status that the framework gives is told: its stable name, title and detail."""
+
+    name: str
+    title: str
+    detail: str
+
+
+REFUSALS = {
+    404: Refusal(
+        "not-found", "There is nothing here", "There is nothing at {path}; /openapi.json lists what there is."
+    ),
+    405: Refusal("method-not-allowed", "The method is not allowed", "{path} does not take {method}."),
+    408: Refusal("request-timeout", "The request took too long to arrive", "{detail}"),
+    413: Refusal("content-too-large", "The body is too large", "{detail}"),
+}
+
+
+class Problem(BaseModel):
+    """What went wrong, after RFC 9457."""
+
+    type: str = Field(
+        description="stable name of the kind of error", examples=["urn:shape-concepts:error:too-few-points"]
+    )
+    title: str = Field(description="the kind of error in words", examples=["The cloud cannot be answered"])
+    status: int = Field(description="HTTP status code", examples=[422])
+    detail: str = Field(description="what was wrong this time, and what to try")
+    instance: str = Field(description="names this occurrence: the request's id, as it is logged")
+
+
+def documented(example: dict[str, Any], *statuses: int) -> dict[int | str, dict[str, Any]]:
+    """OpenAPI's description of the answers of an operation, by HTTP status.
+
+    Args:
+        example: of the answer when all goes well.
+        statuses: of the errors that may occur.
+    """
+    schema = {"$ref": "#/components/schemas/Problem"}
+    described: dict[int | str, dict[str, Any]] = {200: {"content": {"application/json": {"example": example}}}}
+    for status in statuses:
+        content = {errors.MEDIA_TYPE: {"schema": schema, "example": examples.PROBLEMS[status]}}
+        described[status] = {"description": HTTPStatus(status).phrase, "content": content}
+    return described
+
+
+class DescribedApi(FastAPI):
+    """An app whose OpenAPI description has the schema of problem documents, to which its operations refer."""
+
+    def openapi(self) -> dict[str, Any]:
+        """The description."""
+        description = super().openapi()
+        description["components"]["schemas"]["Problem"] = Problem.model_json_schema()
+        return description
+
+
+def install(app: FastAPI) -> None:
+    """Answers every error of an app with a problem document, and names every request."""
+    app.add_middleware(_NameRequests)
+    app.add_exception_handler(ShapeConceptsError, _ours)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(RequestValidationError, _validation)
+    app.add_exception_handler(Exception, _unexpected)
+
+
+class _NameRequests:
+    """Gives each request an id of its own, by which its answer and the log can be brought together."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            return await self._app(scope, receive, send)
+        request_id = str(uuid.uuid4())
+        scope.setdefault("state", {})["id"] = request_id
+
+        async def send_named(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+            await send(message)
+
+        return await self._app(scope, receive, send_named)
+
+
+async def _ours(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ShapeConceptsError)
+    status = errors.status_of(error)
+    document = errors.problem_of(error, request.state.id)
+    if status.http >= 500:
+        log.error("%s %s: %s: %s", request.state.id, request.url.path, error.type_name(), error)
+    return _answer(document, {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {})
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    """What the framework refuses: a path that is not there, a method that is not allowed, a body too large."""
+    assert isinstance(error, HTTPException)
+    refusal = REFUSALS.get(
+        error.status_code, Refusal(f"http-{error.status_code}", "The request was refused", "{detail}")
+    )
+    detail = refusal.detail.format(path=request.url.path, method=request.method, detail=error.detail)
+    document = errors.problem(refusal.name, refusal.title, error.status_code, detail, request.state.id)
+    return _answer(document, dict(error.headers or {}))
+
+
+async def _validation(request: Request, error: Exception) -> Response:
+    """A parameter of the wrong kind or out of its range, named."""
+    assert isinstance(error, RequestValidationError)
+    said = [f"{'.'.join(map(str, fault['loc'][1:]))}: {fault['msg']}" for fault in error.errors()]
+    return await _ours(request, InvalidParameter("; ".join(said) + "."))
+
+
+async def _unexpected(request: Request, error: Exception) -> Response:
+    """A fault of ours: logged whole, answered plainly."""
+    log.error("%s %s: unexpected", request.state.id, request.url.path, exc_info=error)
+    detail = "The service failed unexpectedly; its log says more under the id of this request."
+    document = errors.problem("internal", errors.INTERNAL.title, 500, detail, request.state.id)
+    return _answer(document, {REQUEST_ID: request.state.id})
+
+
+def _answer(document: dict[str, Any], headers: dict[str, str]) -> JSONResponse:
+    return JSONResponse(document, document["status"], headers, errors.MEDIA_TYPE)

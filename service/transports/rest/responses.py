@@ -1,0 +1,86 @@
+"""POST /v1/responses: a cloud in, concepts out."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+
+from service.answer import Answer
+from service.application import Application, CloudFile, parse_viewpoint
+from service.clouds import FORMATS, UNITS
+from service.transports.rest import examples
+from service.transports.rest.bodies import FIELD, receive_cloud
+from service.transports.rest.problems import documented
+
+_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+_TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
+_FORM: dict[str, Any] = {
+    "schema": {"type": "object", "required": [FIELD], "properties": {FIELD: {"type": "string", "format": "binary"}}}
+}
+_BODY = {
+    "required": True,
+    "description": "The file of a cloud, as the body itself or in the field `cloud` of a form: "
+    + "; ".join(f"{entry.title} (`{entry.media_types[0]}`)" for entry in FORMATS.values())
+    + ". Sent as `application/octet-stream`, its content tells.",
+    "content": {
+        "application/octet-stream": _BINARY,
+        **{entry.media_types[0]: _TEXT if entry.name == "xyz" else _BINARY for entry in FORMATS.values()},
+        "multipart/form-data": _FORM,
+    },
+}
+
+
+def router(application: Application) -> APIRouter:
+    """The operation, for an application."""
+    routes = APIRouter(prefix="/v1", tags=["responses"])
+    limits = application.settings
+
+    @routes.post(
+        "/responses",
+        summary="Which concepts does a cloud resemble?",
+        responses=documented(examples.ANSWER, 400, 404, 408, 413, 415, 422, 429, 500, 503),
+        openapi_extra={"requestBody": _BODY},
+    )
+    async def respond(
+        request: Request,
+        model: Annotated[
+            str | None,
+            Query(
+                max_length=200, description="NAME, NAME@ALIAS or NAME:VERSION; by default the only model of the store"
+            ),
+        ] = None,
+        version: Annotated[int | None, Query(ge=1, description="version of the model")] = None,
+        alias: Annotated[str | None, Query(max_length=63, description="alias of the model's version")] = None,
+        time: Annotated[
+            float | None,
+            Query(ge=0, le=1, description="filtration time: 0 specific, 1 generic; by default the model's epsilon_max"),
+        ] = None,
+        top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
+        unit: Annotated[str, Query(description=f"of the coordinates: {', '.join(UNITS)}")] = "m",
+        viewpoint: Annotated[
+            str | None,
+            Query(
+                max_length=300,
+                description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
+                examples=["0.0,-0.4,-0.9"],
+            ),
+        ] = None,
+        stimuli: Annotated[bool, Query(description="whether the answer has the stimuli vector as well")] = False,
+    ) -> Answer:
+        """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
+        pose = parse_viewpoint(viewpoint) if viewpoint else None
+        with application.pool.admitted():
+            data, format, name = await receive_cloud(request, limits.max_body, limits.body_timeout)
+            return await application.pool.run(
+                application.respond,
+                CloudFile(data, format, name, unit, pose),
+                model=model,
+                version=version,
+                alias=alias,
+                time=time,
+                top=top,
+                stimuli=stimuli,
+            )
+
+    return routes
