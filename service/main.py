@@ -1,0 +1,61 @@
+"""Starts the service, and ends it cleanly."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+
+import uvicorn
+
+from service.application import Application, CloudFile
+from service.engine.errors import ShapeConceptsError
+from service.settings import Settings
+from service.transports.rest.app import create_app
+from service.transports.rest.examples import CLOUD_XYZ
+
+log = logging.getLogger(__name__)
+
+GRACE = 30  # seconds that requests under way have when the service is told to end
+
+
+def serve(settings: Settings) -> None:
+    """Serves until SIGTERM or SIGINT; then finishes the requests under way and returns.
+
+    Raises:
+        StoreUnavailable: the URL of the store is of no known kind.
+        SystemExit: the address cannot be listened on.
+    """
+    logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    application = Application(settings)
+    threading.Thread(target=_warm, args=[application], name="warm", daemon=True).start()
+    server = uvicorn.Server(
+        uvicorn.Config(
+            create_app(application),
+            host=settings.host,
+            port=settings.port,
+            log_config=None,
+            timeout_graceful_shutdown=GRACE,
+        )
+    )
+    for number in (signal.SIGTERM, signal.SIGINT):
+        # The server raises them again once it has ended; that is an ordinary end, exit code 0.
+        signal.signal(number, lambda *_: None)
+    server.run()
+
+
+def _warm(application: Application) -> None:
+    """Loads the default model and answers a cloud, so that the first request need not wait for the compiler."""
+    try:
+        ready = application.ready()
+        if ready.model is None:
+            log.info("serving the models %s of %s", ", ".join(ready.models), application.store.url)
+        else:
+            log.info("serving %s:%s of %s", ready.model, ready.version, application.store.url)
+            application.respond(CloudFile(CLOUD_XYZ.encode(), "xyz"), model=ready.model, version=ready.version)
+    except ShapeConceptsError as error:
+        log.warning("not ready: %s", error)
+
+
+if __name__ == "__main__":
+    serve(Settings())
