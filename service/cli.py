@@ -239,10 +239,10 @@ def serve(host: str | None, port: int | None, store: str | None) -> None:
     """
     from service.main import serve
 
-    serve(_settings(host=host, port=port, store=store))
+    serve(settings_of(host=host, port=port, store=store))
 
 
-def _settings(**given: Any) -> Settings:
+def settings_of(**given: Any) -> Settings:
     """Settings of the environment, with what was given on the command line in their stead."""
     from pydantic import ValidationError
 
@@ -258,7 +258,7 @@ def _settings(**given: Any) -> Settings:
 def _application(store: str | None) -> Application:
     from service.application import Application
 
-    settings = _settings(store=store)
+    settings = settings_of(store=store)
     click.get_current_context().find_root().obj = settings.store
     return Application(settings)
 

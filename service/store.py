@@ -52,9 +52,9 @@ class ModelStore:
             InvalidParameter: the name or alias is not of that form.
             StoreUnavailable: the store cannot be written.
         """
-        _check_name(name, " model")
+        check_name(name, " model")
         if alias is not None:
-            _check_name(alias, "n alias")
+            check_name(alias, "n alias")
         self._objects.sweep()
         data = encode(model)
         self._objects.put(_blob_key(sha256(data)), data)
@@ -76,7 +76,7 @@ class ModelStore:
         Raises:
             ModelNotFound: there is no such version.
         """
-        _check_name(alias, "n alias")
+        check_name(alias, "n alias")
         self._require(name, version)
         self._log(name, alias).promote(version)
 
@@ -226,7 +226,16 @@ class ModelStore:
         return f"There are the models {', '.join(names)}." if names else "The store holds no model yet."
 
 
-def _check_name(name: str, what: str) -> None:
+def check_name(name: str, what: str) -> None:
+    """Refuses a name that no model or alias can have.
+
+    Args:
+        name: the name.
+        what: how the message goes on after "the name of a": " model", "n alias".
+
+    Raises:
+        InvalidParameter: it is not of the form of `NAME`.
+    """
     if not re.fullmatch(NAME, name) or len(name) > 63:
         raise InvalidParameter(
             f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "

@@ -10,39 +10,38 @@ from scipy.sparse import csr_array
 
 from service.engine.dictionary import Dictionary
 from service.engine.motifs import Ensemble, Hierarchy, Motif
-from service.engine.perception import Perception
+from worker.learning.observations import Observation
 
 Pair = tuple[int, int]
 
 
-def grow_ensemble(perceptions: Sequence[Perception], dictionary: Dictionary) -> Ensemble:
+def grow_ensemble(objects: Sequence[Observation], dictionary: Dictionary) -> Ensemble:
     """Propagates all training objects through one hierarchy for each level of the dictionary.
 
     A new motif becomes a vertex; each constellation's description is memorised as a motif prototype of its vertex.
     """
-    words = [dictionary.words(p.segment_descriptors) for p in perceptions]
-    sizes = [len(p.descriptors) for p in perceptions]
+    words = [dictionary.words(o.segment_descriptors) for o in objects]
+    sizes = [len(o.descriptors) for o in objects]
     first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     return Ensemble(
         hierarchies=tuple(
-            _grow_hierarchy(perceptions, [w[:, f] for w in words], first, sum(sizes))
-            for f in range(len(dictionary.levels))
+            _grow_hierarchy(objects, [w[:, f] for w in words], first, sum(sizes)) for f in range(len(dictionary.levels))
         ),
-        prototypes=np.concatenate([p.descriptors for p in perceptions]),
-        objects=np.repeat(np.arange(len(perceptions)), sizes),
+        prototypes=np.concatenate([o.descriptors for o in objects]),
+        objects=np.repeat(np.arange(len(objects)), sizes),
     )
 
 
 def _grow_hierarchy(
-    perceptions: Sequence[Perception], words: Sequence[NDArray[np.int64]], first: NDArray[np.int64], prototypes: int
+    objects: Sequence[Observation], words: Sequence[NDArray[np.int64]], first: NDArray[np.int64], prototypes: int
 ) -> Hierarchy:
     """H_f, from each object's words on level f; `first` is the place of each object's first prototype."""
     index: dict[Motif, int] = {}
     members: set[Pair] = set()
     edges: set[Pair] = set()
     propagations: set[Pair] = set()
-    for perception, of_object, start in zip(perceptions, words, first.tolist(), strict=True):
-        constellations = perception.constellations
+    for seen, of_object, start in zip(objects, words, first.tolist(), strict=True):
+        constellations = seen.constellations
         vertex = [index.setdefault(motif, len(index)) for motif in constellations.motifs(of_object)]
         members.update(zip(vertex, (start + constellations.levels[:, 1]).tolist(), strict=True))
         for a, b in constellations.edges.tolist():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -11,37 +10,30 @@ from joblib import Parallel, delayed
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from service.engine.cloud import PointCloud
 from service.engine.dictionary import Dictionary
-from service.engine.errors import InvalidCloud, NotEnoughSamples
+from service.engine.errors import NotEnoughSamples
 from service.engine.model import ShapeModel
 from service.engine.motifs import Ensemble
 from service.engine.params import ModelParams, StimuliParams
-from service.engine.perception import OnStage, Perception, ignore_stage, perceive
+from service.engine.perception import OnStage, ignore_stage
 from service.engine.prototypes import Prototypes
 from service.engine.stimuli import Stimuli, stimulate
 from worker.learning.concepts import learn_metric
 from worker.learning.dictionary import learn_dictionary
 from worker.learning.filtration import filtrate
 from worker.learning.hierarchy import grow_ensemble
-from worker.learning.prototypes import draw_map, draw_thumbnail
+from worker.learning.observations import NamedCloud, Observation, Refusal, observe
+from worker.learning.prototypes import draw_map
 from worker.learning.space import build_space
 
-BATCH = 8  # objects that a worker process takes at a time
-
-
-class NamedCloud(NamedTuple):
-    """A training cloud and what it is called."""
-
-    key: str
-    cloud: PointCloud
+BATCH = 8  # objects whose stimuli a worker computes at a time
 
 
 class Trained(NamedTuple):
-    """A model, and the clouds that could not be learnt from: each one's name and what is wrong with it."""
+    """A model, and the clouds that could not be learnt from."""
 
     model: ShapeModel
-    refused: tuple[tuple[str, InvalidCloud], ...]
+    refused: tuple[Refusal, ...]
 
 
 def train(
@@ -62,19 +54,18 @@ def train(
         NotEnoughSamples: fewer than two clouds can be described.
     """
     on_stage("segments and descriptors")
-    named, perceptions, refused = _perceive_all(clouds, params)
+    objects, refused = _observe_all(clouds, params)
 
     with threadpool_limits(1):  # sums of the linear algebra must not depend on the number of threads
         on_stage("dictionary")
-        dictionary = learn_dictionary(np.concatenate([p.segment_descriptors for p in perceptions]), params.dictionary)
+        dictionary = learn_dictionary(np.concatenate([o.segment_descriptors for o in objects]), params.dictionary)
 
         on_stage("motif hierarchies")
-        ensemble = grow_ensemble(perceptions, dictionary)
+        ensemble = grow_ensemble(objects, dictionary)
 
-    on_stage("stimuli")
-    stimuli = _stimulate_all(perceptions, dictionary, ensemble, params.stimuli)
+        on_stage("stimuli")
+        stimuli = _stimulate_all(objects, dictionary, ensemble, params.stimuli)
 
-    with threadpool_limits(1):
         on_stage("topological space")
         space = build_space(stimuli)
 
@@ -86,9 +77,9 @@ def train(
 
         on_stage("map")
         prototypes = Prototypes(
-            cloud_keys=tuple(key for key, _ in named),
-            cloud_hashes=tuple(digest for _, digest in named),
-            thumbnails=np.stack([draw_thumbnail(p.graph) for p in perceptions]),
+            cloud_keys=tuple(o.key for o in objects),
+            cloud_hashes=tuple(o.digest for o in objects),
+            thumbnails=np.stack([o.thumbnail for o in objects]),
             map=draw_map(metric.embed(stimuli), seed),
         )
     return Trained(
@@ -96,36 +87,23 @@ def train(
     )
 
 
-_Seen = tuple[str, str, Perception | InvalidCloud]
-
-
-def _perceive_all(
-    clouds: Iterable[NamedCloud], params: ModelParams
-) -> tuple[list[tuple[str, str]], list[Perception], tuple[tuple[str, InvalidCloud], ...]]:
-    """Name and hash of each cloud, its perception, and the clouds that were refused."""
-    seen: list[_Seen] = Parallel(batch_size=BATCH)(delayed(_perceive)(named, params) for named in clouds)
-    good = [(key, digest, result) for key, digest, result in seen if isinstance(result, Perception)]
-    refused = tuple((key, result) for key, _, result in seen if isinstance(result, InvalidCloud))
-    if len(good) < 2:
-        why = f" The first that was refused, {refused[0][0]}: {refused[0][1]}" if refused else ""
-        raise NotEnoughSamples(f"Learning needs at least 2 clouds that can be described; there are {len(good)}.{why}")
-    return [(key, digest) for key, digest, _ in good], [result for _, _, result in good], refused
-
-
-def _perceive(named: NamedCloud, params: ModelParams) -> _Seen:
-    digest = hashlib.sha256(np.ascontiguousarray(named.cloud.points).tobytes()).hexdigest()
-    with threadpool_limits(1):
-        try:
-            return named.key, digest, perceive(named.cloud, params)
-        except InvalidCloud as error:
-            return named.key, digest, error
+def _observe_all(clouds: Iterable[NamedCloud], params: ModelParams) -> tuple[list[Observation], tuple[Refusal, ...]]:
+    seen = list(observe(clouds, params))
+    objects = [result for result in seen if isinstance(result, Observation)]
+    refused = tuple(result for result in seen if isinstance(result, Refusal))
+    if len(objects) < 2:
+        why = f" The first that was refused is {refused[0].key}: {refused[0].error}" if refused else ""
+        raise NotEnoughSamples(
+            f"Learning needs at least 2 clouds that can be described; there are {len(objects)}.{why}"
+        )
+    return objects, refused
 
 
 def _stimulate_all(
-    perceptions: Sequence[Perception], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
+    objects: Sequence[Observation], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
 ) -> csr_array:
     """The stimuli vectors of the training objects themselves (N, V), float32: all that follows learns from these."""
-    batches = [perceptions[i : i + BATCH] for i in range(0, len(perceptions), BATCH)]
+    batches = [objects[i : i + BATCH] for i in range(0, len(objects), BATCH)]
     results: list[list[Stimuli]] = Parallel()(
         delayed(_stimulate)(batch, dictionary, ensemble, params) for batch in batches
     )
@@ -137,10 +115,10 @@ def _stimulate_all(
 
 
 def _stimulate(
-    perceptions: Sequence[Perception], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
+    objects: Sequence[Observation], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
 ) -> list[Stimuli]:
     with threadpool_limits(1):
         return [
-            stimulate(ensemble, p.constellations, p.descriptors, dictionary.words(p.segment_descriptors), params)
-            for p in perceptions
+            stimulate(ensemble, o.constellations, o.descriptors, dictionary.words(o.segment_descriptors), params)
+            for o in objects
         ]

@@ -1,0 +1,180 @@
+"""The command line of the training worker: `shape-concepts-worker`.
+
+What a command needs is imported when it runs. Results go to stdout, everything else to stderr. Exit codes: 0 all went
+well, 1 something failed, 2 the command was not understood.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from service import __version__
+from service.cli import ReportingGroup, json_option, settings_of, store_option
+
+if TYPE_CHECKING:
+    from worker.config import TrainingConfig
+    from worker.sources import Source
+
+
+def _epilog(*examples: str) -> str:
+    """Runnable examples below a command's help."""
+    return "\b\nExamples:\n" + "\n".join(f"  shape-concepts-worker {example}" for example in examples)
+
+
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), default=os.cpu_count() or 1, show_default="all cores", help="Processes."
+)
+config_option = click.option(
+    "--config", metavar="FILE", type=click.Path(path_type=Path), help="TOML or JSON file with parameters of the stages."
+)
+
+
+@click.group(
+    cls=ReportingGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog=_epilog("simulate --count 250 --seed 7 --out clouds", "train --simulate 250 --name default"),
+)
+@click.version_option(__version__, prog_name="shape-concepts-worker")
+def main() -> None:
+    """Simulates abstract objects, learns shape concepts from clouds, and publishes models."""
+
+
+@main.command(
+    epilog=_epilog(
+        "simulate --count 250 --seed 7 --out clouds",
+        "simulate --count 20 --seed 1 --out boxes-and-balls --orders 1-2 --noise none",
+        "simulate --count 50 --seed 7 --out clouds --renderer raycast",
+    )
+)
+@click.option("--count", type=click.IntRange(min=1), required=True, help="Number of objects.")
+@click.option("--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of all random draws.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, metavar="DIR", help="Folder.")
+@click.option("--orders", metavar="RANGE", help="Prototype orders, each for as many objects: 1-5, 3, 1,2,5.")
+@click.option("--noise", type=click.Choice(["kinect", "none"]), help="The sensor's noise.  [default: kinect]")
+@click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
+@config_option
+@workers_option
+@json_option
+def simulate(
+    count: int,
+    seed: int,
+    out: Path,
+    orders: str | None,
+    noise: str | None,
+    renderer: str | None,
+    config: Path | None,
+    workers: int,
+    as_json: bool,
+) -> None:
+    """Simulates abstract objects (Alg. 1) and writes their clouds, as PLY, with a contact sheet."""
+    from worker.progress import watching
+    from worker.simulation import simulate as simulate_objects
+    from worker.simulation.writing import write
+
+    params = _config(config).simulation.but(orders=_orders(orders), noise=noise, renderer=renderer)
+    with watching() as watch:
+        watch.stage("simulating")
+        objects = simulate_objects(count, seed, params=params, workers=workers)
+        write(watch.count(objects, count), out)
+    result = {"clouds": count, "seed": seed, "folder": str(out), "contact_sheet": str(out / "contact-sheet.png")}
+    click.echo(json.dumps(result) if as_json else f"Wrote {count} clouds and contact-sheet.png to {out}.")
+
+
+@main.command(
+    epilog=_epilog(
+        "train --simulate 250 --name default",
+        "train --clouds scans --name workshop --config parameters.toml",
+        "train --simulate 1000 --seed 3 --name default --alias staging",
+    )
+)
+@click.option("--clouds", type=click.Path(path_type=Path), metavar="DIR", help="Learn from all clouds of this folder.")
+@click.option("--simulate", "count", type=click.IntRange(min=2), metavar="COUNT", help="Learn from simulated objects.")
+@click.option("--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of all random draws.")
+@click.option("--name", required=True, help="Of the model: lower case letters, digits and hyphens.")
+@click.option("--alias", default="production", show_default=True, help="What shall mean the new version.")
+@click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
+@config_option
+@workers_option
+@json_option
+@store_option
+def train(
+    clouds: Path | None,
+    count: int | None,
+    seed: int,
+    name: str,
+    alias: str,
+    renderer: str | None,
+    config: Path | None,
+    workers: int,
+    as_json: bool,
+    store: str | None,
+) -> None:
+    """Learns shape concepts and publishes them as the next version of a model.
+
+    The clouds are those of a folder, one object each as a depth camera saw it, or simulated ones. Clouds that cannot
+    be learnt from are named and left out.
+    """
+    from joblib import parallel_config
+
+    from service.store import ModelStore, check_name
+    from worker.learning.train import train as learn
+    from worker.progress import watching
+
+    check_name(name, " model")
+    check_name(alias, "n alias")
+    models = ModelStore(settings_of(store=store).store)
+    chosen = _config(config)
+    source = _source(clouds, count, seed, chosen, renderer)
+    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+        model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
+        watch.stage("publishing")
+        manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=alias)
+    left_out = [(key, str(error)) for key, error in (*source.refused, *refused)]
+    for key, why in left_out:
+        click.echo(f"Left out: {key}: {why}", err=True)
+    if as_json:
+        click.echo(json.dumps(manifest.model_dump(mode="json") | {"left_out": dict(left_out)}))
+    else:
+        counts = manifest.counts
+        click.echo(
+            f"Published {name}:{manifest.version} ({name}@{alias}): {counts['concepts']} concepts "
+            f"from {counts['objects']} objects, at filtration time {manifest.epsilon_max:.2f}."
+        )
+
+
+def _source(folder: Path | None, count: int | None, seed: int, config: TrainingConfig, renderer: str | None) -> Source:
+    from worker.sources import Folder, Simulation
+
+    if folder is not None and count is None:
+        return Folder(folder)
+    if folder is None and count is not None:
+        return Simulation(count, seed, config.simulation.but(renderer=renderer))
+    raise click.UsageError("Give one of --clouds DIR and --simulate COUNT.")
+
+
+def _config(file: Path | None) -> TrainingConfig:
+    from worker.config import TrainingConfig, read_config
+
+    return read_config(file) if file else TrainingConfig()
+
+
+def _orders(text: str | None) -> tuple[int, ...] | None:
+    """The orders that "1-5", "3" or "1,2,5" name."""
+    if text is None:
+        return None
+    try:
+        spans = [[int(end) for end in part.split("-")] for part in text.split(",")]
+        return tuple(order for span in spans for order in range(span[0], span[-1] + 1))
+    except ValueError:
+        raise click.BadParameter(
+            f"'{text}' is no range of orders, such as 1-5, 3 or 1,2,5.", param_hint="--orders"
+        ) from None
+
+
+if __name__ == "__main__":
+    main()

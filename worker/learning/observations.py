@@ -1,0 +1,78 @@
+"""What learning keeps of each training cloud; the clouds themselves are let go one by one."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from service.engine.cloud import PointCloud
+from service.engine.errors import InvalidCloud
+from service.engine.motifs import Constellations
+from service.engine.params import ModelParams
+from service.engine.perception import perceive
+from worker.learning.prototypes import draw_thumbnail
+
+ROUND = 64  # clouds in memory at a time
+
+
+class NamedCloud(NamedTuple):
+    """A training cloud and what it is called."""
+
+    key: str
+    cloud: PointCloud
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A training object as the method saw it.
+
+    Attributes:
+        key: what its cloud is called.
+        digest: SHA-256 of the cloud's points, in hexadecimal.
+        constellations: C of them; the first S are the single segments.
+        descriptors: (C, D) float32, of the constellations.
+        thumbnail: (48, 48) uint8.
+    """
+
+    key: str
+    digest: str
+    constellations: Constellations
+    descriptors: NDArray[np.float32]
+    thumbnail: NDArray[np.uint8]
+
+    @property
+    def segment_descriptors(self) -> NDArray[np.float32]:
+        """(S, D): what visual words are made of."""
+        return self.descriptors[: self.constellations.members.shape[1]]
+
+
+class Refusal(NamedTuple):
+    """A training cloud that cannot be described, and why."""
+
+    key: str
+    error: InvalidCloud
+
+
+def observe(clouds: Iterable[NamedCloud], params: ModelParams) -> Iterator[Observation | Refusal]:
+    """Perceives clouds, in their order, on as many workers as `joblib.parallel_config` says."""
+    remaining = iter(clouds)
+    while batch := list(islice(remaining, ROUND)):
+        yield from Parallel()(delayed(_observe)(named, params) for named in batch)
+
+
+def _observe(named: NamedCloud, params: ModelParams) -> Observation | Refusal:
+    digest = hashlib.sha256(np.ascontiguousarray(named.cloud.points).tobytes()).hexdigest()
+    with threadpool_limits(1):  # the processes share the cores already
+        try:
+            seen = perceive(named.cloud, params)
+        except InvalidCloud as error:
+            return Refusal(named.key, error)
+    return Observation(named.key, digest, seen.constellations, seen.descriptors, draw_thumbnail(seen.graph))
