@@ -130,7 +130,13 @@ def decode(data: bytes, manifest: Manifest) -> ShapeModel:
         raise ModelDamaged(f"{TENSORS} holds tensors, but not those of a shape model.")
     if layout != f"{FORMAT}/{FORMAT_VERSION}":
         raise ModelIncompatible(f"{TENSORS} has the layout {layout}; this software reads {FORMAT}/{FORMAT_VERSION}.")
-    return ShapeModel.from_tensors(tensors, manifest.params)
+    try:
+        model = ShapeModel.from_tensors(tensors, manifest.params)
+    except (KeyError, ValueError, IndexError, TypeError, AttributeError) as error:
+        raise ModelDamaged(f"The tensors of {TENSORS} do not fit together: {error!r}.") from error
+    if unexpected := set(tensors) ^ set(model.to_tensors()):
+        raise ModelDamaged(f"{TENSORS} lacks tensors, or has foreign ones: {', '.join(sorted(unexpected))}.")
+    return model
 
 
 def write_manifest(manifest: Manifest) -> bytes:

@@ -1,0 +1,231 @@
+"""Versions never change, none is lost and none is half there, in a folder and in a bucket."""
+
+from __future__ import annotations
+
+import multiprocessing
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
+from service.engine.model import ShapeModel
+from service.model_file import encode, read_manifest, sha256
+from service.store import ModelStore
+
+ENVIRONMENT = {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_REGION": "us-east-1"}
+
+
+@pytest.fixture(scope="module")
+def bucket() -> Iterator[str]:
+    """The endpoint of an S3 server with a bucket `models`."""
+    server = pytest.importorskip("moto.server", reason="moto is not installed").ThreadedMotoServer("127.0.0.1", 0)
+    server.start()
+    endpoint = "http://{}:{}".format(*server.get_host_and_port())
+    import boto3
+
+    boto3.client(
+        "s3",
+        endpoint_url=endpoint,
+        region_name="us-east-1",
+        aws_access_key_id="tests",
+        aws_secret_access_key="tests",
+    ).create_bucket(Bucket="models")
+    yield endpoint
+    server.stop()
+
+
+@pytest.fixture(params=["folder", "bucket"])
+def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    if request.param == "folder":
+        return str(tmp_path / "store")
+    for name, value in (ENVIRONMENT | {"AWS_ENDPOINT_URL": request.getfixturevalue("bucket")}).items():
+        monkeypatch.setenv(name, value)
+    return f"s3://models/{tmp_path.name}"
+
+
+def publish(store: ModelStore, model: ShapeModel, name: str = "tiny", alias: str | None = "production") -> int:
+    return store.publish(model, name=name, seed=7, source={"simulated": 8}, alias=alias).version
+
+
+def test_what_is_published_is_loaded_bit_for_bit(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    manifest = store.publish(model, name="tiny", seed=7, source={"simulated": 8})
+    loaded, found = ModelStore(url).load("tiny", 1)
+    assert encode(loaded) == encode(model)
+    assert found == manifest
+    assert (found.name, found.version, found.seed, found.source) == ("tiny", 1, 7, {"simulated": 8})
+    assert found.params == model.params
+    assert found.counts == model.facts()["counts"]
+
+
+def test_versions_count_up_for_each_name_alone(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    assert [publish(store, model, name) for name in ("a", "b", "a", "a-b")] == [1, 1, 2, 1]
+    assert store.names() == ["a", "a-b", "b"]
+    assert store.versions("a") == [1, 2]
+    assert store.versions("nobody") == []
+
+
+def test_an_alias_has_a_history_and_can_go_back_through_it(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    for _ in range(3):
+        publish(store, model)
+    assert store.rollback("tiny") == 2
+    assert store.rollback("tiny") == 1
+    with pytest.raises(InvalidParameter, match="nothing before"):
+        store.rollback("tiny")
+    store.promote("tiny", 3)
+    store.promote("tiny", 3)
+    assert store.rollback("tiny") == 1
+    history = store.alias_history("tiny")
+    assert [(entry.version, entry.action) for entry in history] == [
+        (1, "promote"),
+        (2, "promote"),
+        (3, "promote"),
+        (2, "rollback"),
+        (1, "rollback"),
+        (3, "promote"),
+        (1, "rollback"),
+    ]
+    assert store.aliases("tiny") == {"production": 1}
+
+
+def test_references_are_resolved_by_the_documented_grammar(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    publish(store, model)
+    publish(store, model, alias="staging")
+    publish(store, model, alias=None)
+    assert store.resolve("tiny") == store.resolve("tiny@production") == store.resolve("tiny:1") == ("tiny", 1)
+    assert store.resolve("tiny@staging") == ("tiny", 2)
+    assert store.resolve("tiny:3") == ("tiny", 3)
+    for reference in ("tiny:4", "tiny@nobody", "nobody"):
+        with pytest.raises(ModelNotFound, match="tiny"):
+            store.resolve(reference)
+    for reference in ("", "Tiny", "tiny:", "tiny@", "tiny:1@x", "tiny:x", "../tiny", "tiny/1", "-tiny", "tiny:1\n"):
+        with pytest.raises(InvalidParameter):
+            store.resolve(reference)
+
+
+def test_a_bare_name_without_production_says_which_versions_there_are(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    publish(store, model, alias=None)
+    with pytest.raises(ModelNotFound, match="the versions 1 .*tiny:1"):
+        store.resolve("tiny")
+
+
+def test_racing_publishers_lose_no_version(url: str, model: ShapeModel) -> None:
+    with ThreadPoolExecutor(8) as threads:
+        versions = list(threads.map(lambda _: publish(ModelStore(url), model), range(16)))
+    store = ModelStore(url)
+    assert sorted(versions) == store.versions("tiny") == list(range(1, 17))
+    assert store.aliases("tiny") == {"production": 16}
+    for version in versions:
+        assert encode(store.load("tiny", version)[0]) == encode(model)
+
+
+def _publish_often(folder: Path, times: int) -> None:
+    store = ModelStore(folder)
+    model, _ = store.load("tiny", 1)
+    for _ in range(times):
+        publish(store, model)
+
+
+def test_racing_processes_lose_no_version(store: ModelStore) -> None:
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_publish_often, args=(Path(store.url), 10)) for _ in range(3)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    assert store.versions("tiny") == list(range(1, 32))
+    for version in store.versions("tiny"):
+        store.load("tiny", version)
+
+
+def test_a_publisher_killed_in_the_middle_leaves_no_half_version(store: ModelStore, model: ShapeModel) -> None:
+    endless = f"""
+from pathlib import Path
+from tests.service.test_store import _publish_often
+print("ready", flush=True)
+_publish_often(Path({store.url!r}), 10**6)
+"""
+    for attempt in range(3):
+        with subprocess.Popen([sys.executable, "-c", endless], stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(0.1 + random.Random(attempt).random() / 2)
+            process.kill()
+        versions = store.versions("tiny")
+        assert versions == list(range(1, len(versions) + 1))
+        for version in {1, versions[-1], len(versions) // 2 + 1}:
+            assert encode(store.load("tiny", version)[0]) == encode(model)
+        assert publish(store, model) == len(versions) + 1
+
+
+def test_a_damaged_version_is_refused_and_the_others_are_not(store: ModelStore, model: ShapeModel) -> None:
+    folder = Path(store.url)
+    publish(store, model, "other")
+    manifest = folder / "models" / "tiny" / "versions" / "00000001.json"
+    whole = manifest.read_bytes()
+    manifest.write_bytes(whole[:-40])
+    with pytest.raises(ModelDamaged, match="cut off"):
+        store.load("tiny", 1)
+    manifest.write_bytes((folder / "models" / "other" / "versions" / "00000001.json").read_bytes())
+    with pytest.raises(ModelDamaged, match="other:1"):
+        store.load("tiny", 1)
+    manifest.write_bytes(whole)
+    store.load("tiny", 1)
+    (blob,) = (folder / "blobs" / "sha256").iterdir()
+    altered = bytearray(blob.read_bytes())
+    altered[-5] ^= 1
+    blob.write_bytes(altered)
+    with pytest.raises(ModelDamaged, match="tiny:1 is refused.*altered"):
+        store.load("tiny", 1)
+    with pytest.raises(ModelDamaged):
+        store.export("tiny", 1, folder / "exported")
+    assert not (folder / "exported").exists()
+    blob.unlink()
+    with pytest.raises(ModelDamaged, match="missing"):
+        store.load("tiny", 1)
+    publish(store, model)
+    store.load("tiny", 1)
+
+
+def test_an_alias_entry_that_was_altered_is_told(store: ModelStore) -> None:
+    entry = Path(store.url) / "models" / "tiny" / "aliases" / "production" / "00000001.json"
+    for content in (b"", b"[]", b'{"version": "x"}'):
+        entry.write_bytes(content)
+        with pytest.raises(ModelDamaged, match="alias"):
+            store.resolve("tiny")
+
+
+def test_an_export_is_byte_for_byte_what_is_stored(url: str, model: ShapeModel, tmp_path: Path) -> None:
+    store = ModelStore(url)
+    manifest = store.publish(model, name="tiny", seed=7, source={})
+    files = store.export("tiny", 1, tmp_path / "deep" / "exported")
+    assert [path.name for path in files] == ["manifest.json", "model.safetensors"]
+    assert files[1].read_bytes() == encode(model)
+    assert read_manifest(files[0].read_bytes()) == manifest
+    assert manifest.contents["model.safetensors"].sha256 == sha256(files[1].read_bytes())
+
+
+@pytest.mark.parametrize("name", ["", "Tiny", "a b", "a/b", "..", "-a", "a" * 64, "ä"])
+def test_a_name_of_another_form_is_refused(store: ModelStore, model: ShapeModel, name: str) -> None:
+    with pytest.raises(InvalidParameter):
+        publish(store, model, name)
+    with pytest.raises(InvalidParameter):
+        publish(store, model, "tiny", alias=name)
+    assert store.versions("tiny") == [1]
+
+
+def test_only_versions_that_exist_can_be_promoted(store: ModelStore) -> None:
+    with pytest.raises(ModelNotFound, match="no version 2"):
+        store.promote("tiny", 2)
+    with pytest.raises(ModelNotFound):
+        store.rollback("tiny", "nobody")
