@@ -111,12 +111,14 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
 def downsample(cloud: NormalisedCloud, params: CloudParams) -> VoxelCloud:
     """Averages the points of each voxel, and drops islands of a few voxels: scattered returns.
 
-    A sparse cloud gets larger voxels, so that its surface has no holes.
+    A sparse cloud gets larger voxels, so that its surface has no holes; so does one that fills its volume, so that the
+    work stays bounded.
     """
     size = params.voxel
     while True:
         sums, cells = _voxel_sums(cloud.points, size)
-        if len(cloud.points) >= params.points_per_voxel * len(sums) or size >= COARSEST_VOXEL:
+        fine = len(cloud.points) >= params.points_per_voxel * len(sums) and len(sums) <= params.max_voxels
+        if fine or size >= COARSEST_VOXEL:
             break
         size = min(size * 2**0.25, COARSEST_VOXEL)
     island = touching(cells).islands()
