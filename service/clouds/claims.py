@@ -31,7 +31,7 @@ def check_count(count: int, max_points: int, where: str) -> None:
         raise EmptyCloud(f"{where} holds no points; send a cloud with at least one")
     if count > max_points:
         raise TooManyPoints(
-            f"{where} promises {count} points, the limit is {max_points}; crop the cloud to the object or thin it out"
+            f"{where}, of {count} points, is over the limit of {max_points}; crop it to the object or thin it out"
         )
 
 

@@ -82,7 +82,8 @@ def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
         ImplausibleExtent: a coordinate too large for float32 metres.
     """
     pose = viewpoint or raw.viewpoint or Viewpoint()
-    measured = raw.xyz[_measured(raw.xyz, pose)]
+    kept = _measured(raw.xyz, pose)
+    measured = raw.xyz if kept.all() else raw.xyz[kept]
     if not len(measured):
         raise NoFinitePoints(
             f"none of the {len(raw.xyz)} points is a measurement: each is NaN, infinite, or (0, 0, 0) for "
@@ -90,7 +91,7 @@ def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
         )
     with np.errstate(over="ignore", invalid="ignore"):
         points = _into_sensor_frame(measured, pose) * UNITS[unit]
-    largest = np.abs(points).max()
+    largest = max(points.max(), -points.min())
     if not largest <= np.finfo(np.float32).max:
         raise ImplausibleExtent(
             f"a coordinate of {largest:.3g} m is beyond any sensor; check the unit ({unit}) and the values"
@@ -105,12 +106,18 @@ def _measured(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.bool_]:
     itself stands (no sensor measures its own centre, to float32), and where it repeats: two samples of a
     surface do not fall on the same exact zero. A single (0, 0, 0) away from the sensor stays.
     """
-    finite = np.isfinite(xyz).all(axis=1)
-    at_zero = ~xyz.any(axis=1)
+    missing = ~_all_three(np.isfinite(xyz))
     with np.errstate(over="ignore", invalid="ignore"):
-        at_sensor = (xyz.astype(np.float32) == np.array(pose.position, np.float32)).all(axis=1)
-    fill = at_zero if np.count_nonzero(at_zero) > 1 else np.zeros_like(at_zero)
-    return finite & ~at_sensor & ~fill
+        missing |= _all_three(xyz.astype(np.float32) == np.array(pose.position, np.float32))
+    at_zero = _all_three(xyz == 0)
+    if np.count_nonzero(at_zero) > 1:
+        missing |= at_zero
+    return ~missing
+
+
+def _all_three(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N, 3) -> (N,): what `all(axis=1)` says, ten times as fast for rows this short."""
+    return flags[:, 0] & flags[:, 1] & flags[:, 2]
 
 
 def _into_sensor_frame(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.float64]:

@@ -146,7 +146,7 @@ def _read_ascii(data: bytes, header: Header, columns: list[int], max_points: int
     before = [sum(field.values for field in header.fields[:column]) for column in columns]
     width = sum(field.values for field in header.fields)
     check_bytes(header.points * 2 * width - 1, len(data) - header.body, "PCD ascii")  # a digit and a blank a value
-    rows = read_rows(filled_lines(data[header.body :]), "PCD ascii", limit=header.points)
+    rows = read_rows(filled_lines(data[header.body :], "PCD ascii"), "PCD ascii", limit=header.points)
     check_rows(len(rows), header.points, "PCD ascii")
     if rows.shape[1] != width:
         raise UnreadableCloud(

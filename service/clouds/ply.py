@@ -64,7 +64,7 @@ def _read_ascii(data: bytes, header: Header, vertex: Element, columns: list[int]
     present = len(data) - header.body
     for element in header.elements:
         check_bytes(element.rows * 2 * len(element.properties) - 1, present, where)  # a digit and a blank a value
-    lines = filled_lines(data[header.body :])
+    lines = filled_lines(data[header.body :], where)
     xyz = np.empty((0, 3))
     for element in header.elements:
         if not element.properties:

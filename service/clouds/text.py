@@ -11,10 +11,25 @@ from numpy.typing import NDArray
 
 from service.engine.errors import UnreadableCloud
 
+LONGEST_LINE = 1 << 16  # bytes; numbers of a line are split up at twenty times their size
 
-def filled_lines(body: bytes) -> Iterator[str]:
-    """The lines of `body` that are not blank, of any line ending; latin-1, so that no byte fails."""
-    return filter(str.strip, io.TextIOWrapper(io.BytesIO(body), encoding="latin-1"))
+
+def filled_lines(body: bytes, where: str) -> Iterator[str]:
+    """The lines of `body` that are not blank, of any line ending; latin-1, so that no byte fails.
+
+    Raises:
+        UnreadableCloud: a line is longer than any point.
+    """
+    body = body.replace(b"\r", b"\n")
+    start = 0
+    while len(body) - start > LONGEST_LINE:
+        end = body.rfind(b"\n", start, start + LONGEST_LINE)
+        if end < 0:
+            raise UnreadableCloud(
+                f"{where}: a line is longer than {LONGEST_LINE} bytes; write one point a line, each line ended"
+            )
+        start = end + 1
+    return filter(str.strip, io.TextIOWrapper(io.BytesIO(body), encoding="latin-1", newline="\n"))
 
 
 def read_rows(

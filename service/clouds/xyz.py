@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from service.clouds.claims import check_count, quote, whole_number
 from service.clouds.frame import RawCloud
-from service.clouds.text import check_rows, filled_lines, read_rows
+from service.clouds.text import LONGEST_LINE, check_rows, filled_lines, read_rows
 from service.engine.errors import EmptyCloud, UnreadableCloud
 
 _FILLED_LINE = re.compile(rb"^[^\S\n]*([^\s#][^\n#]*)", re.MULTILINE)
@@ -37,12 +37,12 @@ def read(data: bytes, max_points: int) -> RawCloud:
         raise UnreadableCloud(
             "xyz: it holds zero bytes, so it is no plain text; send UTF-8 or ASCII text, or name another format"
         )
-    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"//", b"#")
+    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n").replace(b"//", b"#")
     layout = _read_layout(text)
     if layout.promised is not None:
         check_count(layout.promised, max_points, "the first line of this xyz")
     rows = read_rows(
-        filled_lines(text[layout.body :]), "xyz", columns=layout.columns, separator=layout.separator, comment="#"
+        filled_lines(text[layout.body :], "xyz"), "xyz", columns=layout.columns, separator=layout.separator, comment="#"
     )
     check_count(len(rows), max_points, "this xyz")
     if layout.promised is not None:
@@ -56,19 +56,24 @@ def _read_layout(text: bytes) -> Layout:
     if line.isascii() and line.isdigit():
         promised = whole_number(line, "xyz: the count in its first line")
         line, start, after = _first_line(text, after)
-    separator = next((sign for sign in ";," if sign in line), None)
-    words = [word.strip(" \t\"'").lower() for word in line.split(separator)]
-    if {"x", "y", "z"} <= set(words):
-        columns = (words.index("x"), words.index("y"), words.index("z"))
-        return Layout(columns, separator, _first_line(text, after)[1], promised)
-    if len(words) < 3:
+    columns = (0, 1, 2)
+    words = [word.strip(" \t\"'").lower() for word in line.split(_separator(line))]
+    if not any(map(_is_number, words[:3])):
+        line, start, _ = _first_line(text, after)
+        if {"x", "y", "z"} <= set(words):
+            columns = (words.index("x"), words.index("y"), words.index("z"))
+    width = len(line.split(_separator(line)))
+    if width <= max(columns):
         raise UnreadableCloud(
-            f"xyz: its first line {quote(line)} has {len(words)} columns; "
+            f"xyz: its first point {quote(line)} has {width} columns; "
             "a point is x y z, separated by blanks, commas or semicolons"
         )
-    if not all(map(_is_number, words[:3])):
-        start = _first_line(text, after)[1]
-    return Layout((0, 1, 2), separator, start, promised)
+    return Layout(columns, _separator(line), start, promised)
+
+
+def _separator(line: str) -> str | None:
+    """What stands between the columns of a line; None for blanks."""
+    return next((sign for sign in ";," if sign in line), None)
 
 
 def _first_line(text: bytes, start: int) -> tuple[str, int, int]:
@@ -76,7 +81,7 @@ def _first_line(text: bytes, start: int) -> tuple[str, int, int]:
     line = _FILLED_LINE.search(text, start)
     if line is None:
         raise EmptyCloud("this xyz holds no points; send one point a line: x y z")
-    return line[1].decode("latin-1").strip(), line.start(), text.find(b"\n", line.end()) + 1 or len(text)
+    return line[1][:LONGEST_LINE].decode("latin-1").strip(), line.start(), text.find(b"\n", line.end()) + 1 or len(text)
 
 
 def _is_number(word: str) -> bool:
