@@ -1,0 +1,104 @@
+"""Files as others would write them, byte by byte, for the tests of the readers."""
+
+from __future__ import annotations
+
+import io
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float32]
+
+
+def some_points(count: int = 200, seed: int = 0) -> Points:
+    """(count, 3) in a box in front of the sensor."""
+    return np.random.default_rng(seed).uniform((-0.2, -0.1, 0.6), (0.2, 0.1, 0.9), (count, 3)).astype(np.float32)
+
+
+def rows_of(points: Points, separator: str = " ") -> bytes:
+    return "".join(separator.join(repr(float(value)) for value in point) + "\n" for point in points).encode()
+
+
+def pcd_header(points: int, encoding: str, **changed: Any) -> bytes:
+    """A header of x, y, z as floats; keyword arguments replace a line, or with None leave it out."""
+    lines = {
+        "VERSION": "0.7",
+        "FIELDS": "x y z",
+        "SIZE": "4 4 4",
+        "TYPE": "F F F",
+        "COUNT": "1 1 1",
+        "WIDTH": points,
+        "HEIGHT": 1,
+        "VIEWPOINT": "0 0 0 1 0 0 0",
+        "POINTS": points,
+        "DATA": encoding,
+    } | changed
+    said = "".join(f"{word} {value}\n" for word, value in lines.items() if value is not None)
+    return b"# .PCD v0.7 - Point Cloud Data file format\n" + said.encode()
+
+
+def pcd(points: Points, encoding: str = "binary", **changed: Any) -> bytes:
+    bodies = {
+        "ascii": lambda: rows_of(points),
+        "binary": lambda: points.astype("<f4").tobytes(),
+        "binary_compressed": lambda: lzf_block(points.T.astype("<f4").tobytes()),
+    }
+    return pcd_header(len(points), encoding, **changed) + bodies[encoding]()
+
+
+def lzf_block(plain: bytes) -> bytes:
+    """PCD's compressed block, in literal runs alone."""
+    packed = b"".join(bytes([len(plain[i : i + 32]) - 1]) + plain[i : i + 32] for i in range(0, len(plain), 32))
+    return struct.pack("<II", len(packed), len(plain)) + packed
+
+
+def ply_header(count: int, encoding: str, kind: str = "float", more: str = "") -> bytes:
+    coordinates = "".join(f"property {kind} {axis}\n" for axis in "xyz")
+    return f"ply\nformat {encoding} 1.0\nelement vertex {count}\n{coordinates}{more}end_header\n".encode()
+
+
+def ply(points: Points, encoding: str = "binary_little_endian") -> bytes:
+    bodies = {
+        "ascii": lambda: rows_of(points),
+        "binary_little_endian": lambda: points.astype("<f4").tobytes(),
+        "binary_big_endian": lambda: points.astype(">f4").tobytes(),
+    }
+    return ply_header(len(points), encoding) + bodies[encoding]()
+
+
+def npy(array: NDArray[Any]) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def npy_header(shape: tuple[int, ...], descr: Any = "<f4") -> bytes:
+    """A header that promises what need not follow."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": descr, "fortran_order": False, "shape": shape})
+    return stream.getvalue()
+
+
+def npz(compressed: bool = False, **arrays: NDArray[Any]) -> bytes:
+    stream = io.BytesIO()
+    (np.savez_compressed if compressed else np.savez)(stream, **arrays)
+    return stream.getvalue()
+
+
+def every_kind(points: Points) -> dict[str, bytes]:
+    """The same cloud in every format and encoding; the key begins with the format's name."""
+    return {
+        "pcd ascii": pcd(points, "ascii"),
+        "pcd binary": pcd(points, "binary"),
+        "pcd compressed": pcd(points, "binary_compressed"),
+        "ply ascii": ply(points, "ascii"),
+        "ply little": ply(points, "binary_little_endian"),
+        "ply big": ply(points, "binary_big_endian"),
+        "xyz blanks": rows_of(points),
+        "xyz commas": rows_of(points, ","),
+        "npy": npy(points),
+        "npz stored": npz(points=points),
+        "npz deflated": npz(True, points=points),
+    }
