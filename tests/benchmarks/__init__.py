@@ -1,0 +1,1 @@
+"""Speeds as ratios against named peers, measured in one run: `./run bench`."""
