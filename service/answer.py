@@ -13,7 +13,7 @@ class Concept(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     id: int = Field(description="node of the concept in the model's merge tree: the same at every filtration time")
-    name: str | None = Field(description="name that people gave to the concept, null if none")
+    name: str | None = Field(None, description="name that people gave to the concept, null if none")
     response: float = Field(description="the form that is scored, smaller is closer")
     distance: float = Field(description="mean Mahalanobis distance to the concept's prototypes, Eq. 4")
     rank: int = Field(ge=1, description="1 is the closest concept")
@@ -71,7 +71,6 @@ def compose(
         concepts=[
             Concept(
                 id=int(response.concept_ids[position]),
-                name=None,
                 response=float(response.responses[position]),
                 distance=float(response.distances[position]),
                 rank=rank,

@@ -41,7 +41,10 @@ def serve(settings: Settings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         # The server raises them again once it has ended; that is an ordinary end, exit code 0.
         signal.signal(number, lambda *_: None)
-    server.run()
+    try:
+        server.run()
+    except SystemExit:  # the reason is logged
+        raise SystemExit(1) from None
 
 
 def _warm(application: Application) -> None:

@@ -48,7 +48,7 @@ class Manifest(BaseModel):
     name: str = Field(pattern=f"^{NAME}$", max_length=63, description="the model's name")
     version: int = Field(ge=1, description="counts up from 1; a published version never changes")
     created: datetime = Field(description="time of publication, UTC")
-    format: Literal["shape-concepts-model"] = FORMAT
+    format: Literal["shape-concepts-model"] = Field(FORMAT, description="what this file is")
     format_version: int = Field(FORMAT_VERSION, description="layout of the tensors and of this manifest")
     seed: int = Field(description="seed of all random draws of the training")
     params: ModelParams = Field(description="parameters of every stage")

@@ -115,7 +115,7 @@ def test_references_are_resolved_by_the_documented_grammar(url: str, model: Shap
 def test_a_bare_name_without_production_says_which_versions_there_are(url: str, model: ShapeModel) -> None:
     store = ModelStore(url)
     publish(store, model, alias=None)
-    with pytest.raises(ModelNotFound, match="the versions 1 .*tiny:1"):
+    with pytest.raises(ModelNotFound, match=r"the versions 1 .*tiny:1"):
         store.resolve("tiny")
 
 
@@ -185,7 +185,7 @@ def test_a_damaged_version_is_refused_and_the_others_are_not(store: ModelStore, 
     altered = bytearray(blob.read_bytes())
     altered[-5] ^= 1
     blob.write_bytes(altered)
-    with pytest.raises(ModelDamaged, match="tiny:1 is refused.*altered"):
+    with pytest.raises(ModelDamaged, match=r"tiny:1 is refused.*altered"):
         store.load("tiny", 1)
     with pytest.raises(ModelDamaged):
         store.export("tiny", 1, folder / "exported")

@@ -81,15 +81,14 @@ class DescribedApi(FastAPI):
 
 def install(app: FastAPI) -> None:
     """Answers every error of an app with a problem document, and names every request."""
-    app.add_middleware(_NameRequests)
+    app.add_middleware(_Guard)
     app.add_exception_handler(ShapeConceptsError, _ours)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _validation)
-    app.add_exception_handler(Exception, _unexpected)
 
 
-class _NameRequests:
-    """Gives each request an id of its own, by which its answer and the log can be brought together."""
+class _Guard:
+    """Gives each request an id, by which its answer and the log can be brought together, and answers our own faults."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -99,13 +98,24 @@ class _NameRequests:
             return await self._app(scope, receive, send)
         request_id = str(uuid.uuid4())
         scope.setdefault("state", {})["id"] = request_id
+        begun = False
 
         async def send_named(message: Message) -> None:
+            nonlocal begun
+            begun = True
             if message["type"] == "http.response.start":
                 MutableHeaders(scope=message)[REQUEST_ID] = request_id
             await send(message)
 
-        return await self._app(scope, receive, send_named)
+        try:
+            await self._app(scope, receive, send_named)
+        except Exception as error:
+            if begun:
+                raise
+            log.error("%s %s: unexpected", request_id, scope["path"], exc_info=error)
+            detail = "The service failed unexpectedly; its log says more under the id of this request."
+            document = errors.problem("internal", errors.INTERNAL.title, 500, detail, request_id)
+            await _answer(document, {})(scope, receive, send_named)
 
 
 async def _ours(request: Request, error: Exception) -> Response:
@@ -133,14 +143,6 @@ async def _validation(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     said = [f"{'.'.join(map(str, fault['loc'][1:]))}: {fault['msg']}" for fault in error.errors()]
     return await _ours(request, InvalidParameter("; ".join(said) + "."))
-
-
-async def _unexpected(request: Request, error: Exception) -> Response:
-    """A fault of ours: logged whole, answered plainly."""
-    log.error("%s %s: unexpected", request.state.id, request.url.path, exc_info=error)
-    detail = "The service failed unexpectedly; its log says more under the id of this request."
-    document = errors.problem("internal", errors.INTERNAL.title, 500, detail, request.state.id)
-    return _answer(document, {REQUEST_ID: request.state.id})
 
 
 def _answer(document: dict[str, Any], headers: dict[str, str]) -> JSONResponse:

@@ -1,0 +1,222 @@
+"""The command line: what it prints, on which stream, and with which exit code."""
+
+from __future__ import annotations
+
+import glob
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from service.cli import main
+from service.clouds import write_ply
+from service.engine.cloud import PointCloud
+from service.engine.model import ShapeModel
+from service.model_file import encode
+from service.settings import Settings
+from service.store import ModelStore
+
+
+@pytest.fixture
+def folder(tmp_path: Path, settings: Settings, clouds: list[PointCloud], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with a cloud and a file that is none; the environment names the store."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SHAPE_CONCEPTS_STORE", settings.store)
+    monkeypatch.setenv("COLUMNS", "120")
+    (tmp_path / "good.ply").write_bytes(write_ply(clouds[0]))
+    (tmp_path / "bad.ply").write_bytes(b"ply\nformat ascii 1.0\n")
+    return tmp_path
+
+
+def run(*arguments: str, stdin: bytes | None = None) -> Result:
+    return CliRunner().invoke(main, arguments, input=stdin)
+
+
+def lines(result: Result) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def test_respond_prints_one_json_line_a_cloud(folder: Path, model: ShapeModel, clouds: list[PointCloud]) -> None:
+    result = run("respond", "--model", "tiny", "--json", "good.ply", "good.ply")
+    assert result.exit_code == 0
+    first, second = lines(result)
+    response = model.respond(clouds[0])
+    assert list(first)[:3] == ["file", "model", "version"]
+    assert (first["file"], first["model"], first["version"]) == ("good.ply", "tiny", 1)
+    assert first["responses"] == second["responses"] == response.responses.tolist()
+    assert first["distances"] == response.distances.tolist()
+    assert set(first["concepts"][0]) == {"id", "name", "response", "distance", "rank", "prototypes"}
+    assert (first["segments"], first["extent_m"], first["truncated"]) == (
+        response.segments,
+        response.extent_m,
+        response.truncated,
+    )
+    assert set(first["timings_ms"]) >= {"decode", "responses"}
+    assert "stimuli" not in first
+
+
+def test_options_of_respond_reach_the_engine(folder: Path, clouds: list[PointCloud]) -> None:
+    Path("mm.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
+    (answer,) = lines(run("respond", "--json", "--time", "1", "--top", "1", "--stimuli", "--unit", "mm", "mm.ply"))
+    assert answer["time"] == 1
+    assert len(answer["concepts"]) == 1
+    assert len(answer["stimuli"]["index"]) == len(answer["stimuli"]["value"]) > 0
+    assert answer["extent_m"] < 1
+    behind = lines(run("respond", "--json", "--viewpoint", "0,0,9", "good.ply"))[0]
+    assert any("viewpoint" in warning for warning in behind["warnings"])
+
+
+def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
+    result = run("respond", "--json", "bad.ply", "missing.ply", ".", "good.ply")
+    assert result.exit_code == 1
+    bad, missing, directory, good = lines(result)
+    for line in (bad, missing, directory):
+        assert set(line) == {"file", "error"}
+        assert set(line["error"]) == {"type", "detail"}
+        assert line["error"]["type"] == "unreadable-cloud"
+    assert good["responses"]
+
+
+def test_for_people_results_are_a_table_and_errors_a_line_on_stderr(folder: Path) -> None:
+    result = run("respond", "bad.ply", "good.ply", "--top", "1")
+    assert result.exit_code == 1
+    assert "prototypes" in result.stdout
+    assert " cm across" in result.stdout
+    assert "bad.ply" not in result.stdout
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("Error: bad.ply: ")
+
+
+def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
+    result = run("respond", "--json", "-", stdin=Path("good.ply").read_bytes())
+    assert lines(result)[0]["file"] == "-"
+    assert result.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["respond", "good.ply", "--model", "nobody"], 1, "There is no 'nobody@production'"),
+        (["respond", "good.ply", "--model", "No Body"], 1, "NAME@ALIAS"),
+        (["models", "show", "tiny:9"], 1, "no version 9"),
+        (["models", "rollback", "tiny"], 1, "nothing before"),
+        (["models", "list", "--store", "good.ply"], 1, "good.ply"),
+        (["models", "list", "--store", "ftp://x"], 1, "ftp://x"),
+        (["models", "export", "tiny", "--out", "/proc/nowhere"], 1, "/proc/nowhere"),
+        (["respond"], 2, "CLOUD"),
+        (["respond", "good.ply", "--time", "2"], 2, "--time"),
+        (["respond", "good.ply", "--top", "0"], 2, "--top"),
+        (["respond", "good.ply", "--unit", "furlong"], 2, "--unit"),
+        (["respond", "good.ply", "--viewpoint", "1,2"], 2, "--viewpoint"),
+        (["nonsense"], 2, "nonsense"),
+    ],
+)
+def test_failures_are_one_clear_line_on_stderr(folder: Path, arguments: list[str], code: int, says: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == code
+    assert result.stdout == ""
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("Error: ")
+    assert says in last
+    assert "Traceback" not in result.stderr
+
+
+def test_a_setting_out_of_its_bounds_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_WORKERS", "none")
+    result = run("models", "list")
+    assert (result.exit_code, "SHAPE_CONCEPTS_WORKERS" in result.stderr) == (2, True)
+
+
+def test_models_can_be_listed_shown_promoted_and_rolled_back(
+    folder: Path, store: ModelStore, model: ShapeModel
+) -> None:
+    store.publish(model, name="tiny", seed=7, source={}, alias=None)
+    assert lines(run("models", "list", "--json")) == [
+        {"models": [{"name": "tiny", "versions": [1, 2], "aliases": {"production": 1}}]}
+    ]
+    assert lines(run("models", "promote", "tiny:2", "--json")) == [
+        {"model": "tiny", "version": 2, "alias": "production"}
+    ]
+    (shown,) = lines(run("models", "show", "tiny", "--json"))
+    assert (shown["version"], shown["seed"]) == (2, 7)
+    assert [entry["version"] for entry in shown["aliases"]["production"]] == [1, 2]
+    assert lines(run("models", "rollback", "tiny", "--json"))[0]["version"] == 1
+    assert lines(run("models", "promote", "tiny:2", "--alias", "staging", "--json"))[0]["alias"] == "staging"
+    for command in (["list"], ["show", "tiny"]):
+        result = run("models", *command)
+        assert result.exit_code == 0
+        assert "tiny" in result.stdout
+
+
+def test_an_export_is_the_stored_model(folder: Path, store: ModelStore, model: ShapeModel) -> None:
+    (result,) = lines(run("models", "export", "tiny", "--out", "deep/exported", "--json"))
+    assert result["files"] == ["deep/exported/manifest.json", "deep/exported/model.safetensors"]
+    assert Path("deep/exported/model.safetensors").read_bytes() == encode(model)
+    assert json.loads(Path("deep/exported/manifest.json").read_text())["name"] == "tiny"
+
+
+def commands(
+    command: click.Command = main, path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    yield path, command
+    if isinstance(command, click.Group):
+        for name, child in command.commands.items():
+            yield from commands(child, (*path, name))
+
+
+def test_every_command_has_help_on_all_its_options() -> None:
+    for path, command in commands():
+        result = run(*path, "--help")
+        assert result.exit_code == 0
+        assert command.help
+        for parameter in command.params:
+            if isinstance(parameter, click.Option):
+                assert parameter.help, f"{path} {parameter.name}"
+        if not isinstance(command, click.Group):
+            assert "Examples:" in result.stdout
+
+
+EXAMPLES = [
+    line.strip()
+    for _, command in commands()
+    for line in (command.epilog or "").splitlines()
+    if line.strip().startswith("shape-concepts ")
+]
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_example_of_the_help_runs(
+    folder: Path, store: ModelStore, model: ShapeModel, clouds: list[PointCloud], example: str
+) -> None:
+    if "s3://" in example or " serve" in example:
+        pytest.skip("needs a bucket, or never ends: other tests do so")
+    for alias in ("production", "staging") * 2:
+        store.publish(model, name="default", seed=7, source={}, alias=alias)
+    for name in ("mug.pcd", "mug.npy", "mug.xyz"):  # the content tells the format
+        shutil.copy("good.ply", name)
+    Path("scans").mkdir()
+    Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
+    command, _, stdin = example.partition(" < ")
+    if "--model" not in command and "respond" in command:
+        command += " --model default"
+    words = [found for word in shlex.split(command)[1:] for found in sorted(glob.glob(word)) or [word]]
+    result = run(*words, stdin=Path(stdin).read_bytes() if stdin else None)
+    assert result.exit_code == 0, result.output
+
+
+def test_help_comes_without_loading_the_engine_or_the_server() -> None:
+    code = (
+        "import sys\nfrom service.cli import main\nmain(['respond', '--help'], standalone_mode=False)\n"
+        "loaded = {'numba', 'numpy', 'fastapi', 'pydantic', 'rich', 'obstore'} & set(sys.modules)\n"
+        "assert not loaded, loaded"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -1,0 +1,64 @@
+"""Every setting can be set, is described, and has a bound where one is needed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from service.settings import Settings, default_store
+
+
+def test_every_setting_is_described() -> None:
+    for name, field in Settings.model_fields.items():
+        assert field.description, name
+
+
+def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = {
+        "store": "s3://models/x",
+        "model": "mugs@staging",
+        "host": "0.0.0.0",
+        "port": "9000",
+        "workers": "3",
+        "queue": "5",
+        "max_body": "2048",
+        "body_timeout": "1.5",
+        "max_points": "1000",
+        "loaded_models": "2",
+        "log_level": "error",
+    }
+    assert set(given) == set(Settings.model_fields)
+    for name, value in given.items():
+        monkeypatch.setenv(f"SHAPE_CONCEPTS_{name.upper()}", value)
+    settings = Settings()
+    assert {name: str(getattr(settings, name)) for name in given} == given
+
+
+def test_an_empty_variable_is_as_good_as_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_PORT", "")
+    assert Settings().port == 8000
+
+
+def test_the_store_is_in_the_users_data_directory_by_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("SHAPE_CONCEPTS_STORE", raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert Settings().store == default_store() == str(tmp_path / "shape-concepts")
+    monkeypatch.delenv("XDG_DATA_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert default_store() == str(tmp_path / ".local" / "share" / "shape-concepts")
+
+
+def test_the_service_is_reachable_from_this_machine_alone_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SHAPE_CONCEPTS_HOST", raising=False)
+    assert re.fullmatch(r"127\.\d+\.\d+\.\d+", Settings().host)
+
+
+@pytest.mark.parametrize(("name", "value"), [("port", "65536"), ("workers", "0"), ("max_body", "-1"), ("queue", "x")])
+def test_a_setting_out_of_its_bounds_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+    monkeypatch.setenv(f"SHAPE_CONCEPTS_{name.upper()}", value)
+    with pytest.raises(ValidationError, match=name):
+        Settings()

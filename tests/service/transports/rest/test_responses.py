@@ -1,0 +1,165 @@
+"""POST /v1/responses, asked over HTTP."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from service.application import Application
+from service.clouds import write_ply
+from service.engine.cloud import PointCloud
+from service.engine.errors import ShapeConceptsError
+from service.transports.rest import examples
+
+
+def answer_of(response: httpx.Response) -> dict[str, Any]:
+    assert response.status_code == 200, response.text
+    return {key: value for key, value in response.json().items() if key != "timings_ms"}
+
+
+def as_xyz(cloud: PointCloud) -> bytes:
+    return "".join(f"{x} {y} {z}\n" for x, y, z in cloud.points.tolist()).encode()
+
+
+def test_the_answer_over_http_is_that_of_the_application(
+    client: httpx.Client, application: Application, clouds: list[PointCloud]
+) -> None:
+    for cloud in clouds:
+        expected = json.loads(application.respond(cloud, stimuli=True).model_dump_json(exclude={"timings_ms"}))
+        response = client.post("/v1/responses", params={"stimuli": True}, content=write_ply(cloud))
+        assert answer_of(response) == expected
+
+
+def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
+    ply, xyz = write_ply(clouds[0]), as_xyz(clouds[0])
+    sent = [
+        client.post("/v1/responses", content=ply),
+        client.post("/v1/responses", content=ply, headers={"content-type": "application/octet-stream"}),
+        client.post("/v1/responses", content=ply, headers={"content-type": "model/ply"}),
+        client.post("/v1/responses", content=ply, headers={"content-type": "application/x-www-form-urlencoded"}),
+        client.post("/v1/responses", content=xyz, headers={"content-type": "text/plain; charset=utf-8"}),
+        client.post("/v1/responses", files={"cloud": ("mug.ply", ply)}),
+        client.post("/v1/responses", files={"cloud": ("mug.xyz", xyz, "text/plain")}),
+        client.post("/v1/responses", files={"cloud": ("mug.bin", ply, "model/ply")}),
+    ]
+    answers = [answer_of(response) for response in sent]
+    assert all(answer == answers[0] for answer in answers)
+
+
+def test_parameters_choose_model_time_and_length(client: httpx.Client, clouds: list[PointCloud]) -> None:
+    content = write_ply(clouds[0])
+    for params in ({}, {"model": "tiny"}, {"model": "tiny:1"}, {"version": 1}, {"alias": "production"}):
+        assert answer_of(client.post("/v1/responses", params=params, content=content))["version"] == 1
+    answer = answer_of(client.post("/v1/responses", params={"time": 1, "top": 1}, content=content))
+    assert answer["time"] == 1
+    assert len(answer["concepts"]) == 1
+    assert "stimuli" not in answer
+
+
+def test_unit_and_viewpoint_bring_a_cloud_into_the_sensors_frame(
+    client: httpx.Client, clouds: list[PointCloud]
+) -> None:
+    cloud = clouds[0]
+    moved = PointCloud((cloud.points * 1000 + [100, 200, 300]).astype(np.float32))
+    params = {"unit": "mm", "viewpoint": "100,200,300"}
+    answer = answer_of(client.post("/v1/responses", params=params, content=write_ply(moved)))
+    expected = answer_of(client.post("/v1/responses", content=write_ply(cloud)))
+    assert answer["extent_m"] == pytest.approx(expected["extent_m"], rel=1e-3)
+    assert answer["warnings"] == expected["warnings"]
+
+
+def test_the_documented_example_is_answered(client: httpx.Client) -> None:
+    response = client.post("/v1/responses", content=examples.CLOUD_XYZ, headers={"content-type": "text/plain"})
+    answer = answer_of(response)
+    assert set(answer) == set(examples.ANSWER) - {"timings_ms"}
+    assert set(response.json()["timings_ms"]) == set(examples.ANSWER["timings_ms"])
+    assert answer["extent_m"] == pytest.approx(0.144, abs=0.01)
+
+
+XYZ = {"content": b"0.1 0.2 0.9\n"}
+REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
+    ("no bytes", 422, "empty-cloud", {"content": b""}),
+    ("too few points", 422, "too-few-points", {"content": b"0.1 0.2 0.9\n0.2 0.2 0.9\n0.1 0.3 0.9\n"}),
+    ("all NaN", 422, "no-finite-points", {"content": b"nan nan nan\n" * 200}),
+    ("all equal", 422, "degenerate-cloud", {"content": b"1 1 1\n" * 200}),
+    ("300 m", 422, "implausible-extent", {"content": b"".join(b"%d %d 5\n" % (i, i * i % 300) for i in range(300))}),
+    ("a truncated file", 400, "unreadable-cloud", {"content": b"ply\nformat ascii 1.0\nelement vertex 10\n"}),
+    ("10^12 points", 413, "too-many-points", {"content": b"ply\nformat binary_little_endian 1.0\nelement vertex "
+     b"1000000000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(120)}),
+    ("a picture", 415, "unsupported-format", {"content": b"\x89PNG", "headers": {"content-type": "image/png"}}),
+    ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
+    ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
+    ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
+    ("a form with text in the field", 400, "unreadable-cloud", {"data": {"cloud": "x"}, "files": {"scan": b"x"}}),
+    ("a form without boundary", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "multipart/form-data"}}),
+    ("a broken form", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "multipart/form-data; boundary=x"}}),
+    ("many files", 400, "unreadable-cloud", {"files": [("cloud", b"x")] * 3}),
+    ("an unknown model", 404, "model-not-found", {**XYZ, "params": {"model": "nobody"}}),
+    ("an unknown version", 404, "model-not-found", {**XYZ, "params": {"version": 99}}),
+    ("an unknown alias", 404, "model-not-found", {**XYZ, "params": {"alias": "nobody"}}),
+    ("a malformed model", 422, "invalid-parameter", {**XYZ, "params": {"model": "../x"}}),
+    ("a contradiction", 422, "invalid-parameter", {**XYZ, "params": {"model": "tiny:1", "version": 1}}),
+    ("a time of 2", 422, "invalid-parameter", {**XYZ, "params": {"time": 2}}),
+    ("a time of NaN", 422, "invalid-parameter", {**XYZ, "params": {"time": "nan"}}),
+    ("no concepts", 422, "invalid-parameter", {**XYZ, "params": {"top": 0}}),
+    ("version x", 422, "invalid-parameter", {**XYZ, "params": {"version": "x"}}),
+    ("an unknown unit", 422, "invalid-parameter", {**XYZ, "params": {"unit": "furlong"}}),
+    ("half a viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": "1,2"}}),
+    ("a body too large", 413, "content-too-large", {"content": bytes(2**20 + 1)}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("status", "kind", "request_"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
+def test_what_cannot_be_answered_is_refused_with_its_own_problem(
+    client: httpx.Client, status: int, kind: str, request_: dict[str, Any]
+) -> None:
+    response = client.post("/v1/responses", **request_)
+    problem = response.json()
+    assert (response.status_code, problem["type"]) == (status, f"urn:shape-concepts:error:{kind}"), problem
+    assert response.headers["content-type"] == "application/problem+json"
+    assert problem["status"] == status
+    assert problem["instance"] == f"urn:uuid:{response.headers['x-request-id']}"
+    assert len(problem["detail"]) > 10
+    documented = client.get("/openapi.json").json()["paths"]["/v1/responses"]["post"]["responses"]
+    assert str(status) in documented
+
+
+def test_every_kind_of_invalid_cloud_was_tried() -> None:
+    tried = {kind for _, _, kind, _ in REFUSED}
+    kinds = {error.type_name() for error in ShapeConceptsError.__subclasses__() for error in error.__subclasses__()}
+    assert kinds <= tried
+
+
+def test_a_service_at_its_limit_refuses_at_once_and_stays_healthy(
+    client: httpx.Client, application: Application, clouds: list[PointCloud]
+) -> None:
+    content = write_ply(clouds[0])
+    places = [application.pool.admitted() for _ in range(application.pool.places)]
+    for place in places:
+        place.__enter__()
+    response = client.post("/v1/responses", content=content)
+    assert response.status_code == 429
+    assert response.json()["type"] == "urn:shape-concepts:error:overloaded"
+    assert int(response.headers["retry-after"]) >= 1
+    assert client.get("/healthz").status_code == client.get("/readyz").status_code == 200
+    for place in places:
+        place.__exit__(None, None, None)
+    assert client.post("/v1/responses", content=content).status_code == 200
+
+
+def test_many_clients_get_the_answers_of_one(client: httpx.Client, clouds: list[PointCloud]) -> None:
+    contents = [write_ply(cloud) for cloud in clouds]
+    alone = [answer_of(client.post("/v1/responses", content=content)) for content in contents]
+
+    def ask(number: int) -> tuple[int, httpx.Response]:
+        return number, client.post("/v1/responses", content=contents[number])
+
+    with ThreadPoolExecutor(8) as threads:
+        for number, response in threads.map(ask, list(range(len(contents))) * 4):
+            if response.status_code != 429:
+                assert answer_of(response) == alone[number]
