@@ -17,6 +17,7 @@ from service.engine.params import PatchParams
 
 FLATTEST = 4.0  # power with which flat neighbourhoods outvote those that straddle a crease
 NOISE_FLOOR = 3e-3  # surface variation that a noisy plane has
+SLIVER = 0.01  # variance across, relative to the variance along, below which a neighbourhood fixes no plane
 TIE = 1e-5  # two voxels are equally far from their mean: what is nearer by less, in seed distances, is no nearer
 
 
@@ -67,12 +68,23 @@ def estimate_normals(cloud: VoxelCloud, radius: float) -> NDArray[np.float64]:
     """
     near = neighbourhood(cloud.points, radius)
     variance, axes = np.linalg.eigh(_covariances(cloud.points, near.indptr, near.indices))
-    normals = np.ascontiguousarray(axes[:, :, 0])
+    thin = variance[:, 1] <= SLIVER * variance[:, 2]
+    normals = np.where(thin[:, None], _across(axes[:, :, 2], cloud), axes[:, :, 0])
     variation = variance[:, 0] / np.maximum(variance.sum(axis=1), 1e-12)
+    weight = np.where(thin, 0.0, 1 / (variation + NOISE_FLOOR) ** FLATTEST)
     _face(normals, cloud)
-    normals = _flattest_mean(normals, 1 / (variation + NOISE_FLOOR) ** FLATTEST, near.indptr, near.indices)
+    normals = _flattest_mean(normals, weight, near.indptr, near.indices)
     _face(normals, cloud)
     return normals
+
+
+def _across(lines: NDArray[np.float64], cloud: VoxelCloud) -> NDArray[np.float64]:
+    """Unit normals (M, 3) of points that lie on lines: those across the line that look most towards the viewpoint."""
+    sight = cloud.frame.viewpoint - cloud.points
+    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+    across = sight - np.einsum("ij,ij->i", sight, lines)[:, None] * lines
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.where(length > 1e-9, across / np.maximum(length, 1e-9), sight)
 
 
 def _face(normals: NDArray[np.float64], cloud: VoxelCloud) -> None:
@@ -118,7 +130,7 @@ def _covariances(
 def _flattest_mean(
     normals: NDArray[np.float64], weight: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Mean of the neighbours' normals, weighted, each turned to the side of the voxel's own; unit length."""
+    """Weighted mean of the neighbours' normals, unit length; the voxel's own where none of them weighs anything."""
     out = np.zeros_like(normals)
     for i in range(len(normals)):
         for k in indices[indptr[i] : indptr[i + 1]]:
