@@ -42,7 +42,7 @@ def decompress(packed: bytes, size: int, whole: int, where: str) -> NDArray[np.u
     return target
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _decode(source: NDArray[np.uint8], target: NDArray[np.uint8]) -> int:
     """Fills `target`; returns how many bytes were written before an error, all of them without."""
     read = 0

@@ -161,7 +161,7 @@ def _walk_rows(
     return places, end
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _walk(
     data: NDArray[np.uint8],
     start: int,

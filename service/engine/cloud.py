@@ -217,7 +217,7 @@ def _voxel_sums(points: NDArray[np.float64], size: float) -> tuple[NDArray[np.fl
     return sums[occupied], np.stack(np.unravel_index(occupied, tuple(shape)), axis=1).astype(np.int32)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _accumulate(points: NDArray[np.float64], keys: NDArray[np.int64], size: int) -> NDArray[np.float64]:
     sums = np.zeros((size, 4))
     for i in range(len(keys)):

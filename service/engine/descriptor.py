@@ -61,7 +61,7 @@ def fpfh(graph: SegmentGraph, radius: float) -> NDArray[np.float64]:
     return _weighted(simple, graph.points, near.indptr, near.indices, graph.voxel / 4)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _spfh(
     points: NDArray[np.float64], normals: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
@@ -79,7 +79,7 @@ def _spfh(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _weighted(
     simple: NDArray[np.float64],
     points: NDArray[np.float64],
@@ -103,7 +103,7 @@ def _weighted(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _darboux(
     p: NDArray[np.float64], n: NDArray[np.float64], q: NDArray[np.float64], m: NDArray[np.float64]
 ) -> tuple[float, float, float]:
@@ -126,13 +126,13 @@ def _darboux(
     return alpha, at_p, theta
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _bin(value: float, bins: int) -> int:
     """The bin of a value of [0, 1]."""
     return min(max(int(value * bins), 0), bins - 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _shape(
     points: NDArray[np.float64], normals: NDArray[np.float64], triples: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -173,7 +173,7 @@ def _shape(
     return out.ravel() / total if total > 0 else np.full(SHAPES * SHAPE_BINS, 1.0 / (SHAPES * SHAPE_BINS))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _vote(histogram: NDArray[np.float64], value: float) -> None:
     """Shares one vote between the two bins whose centres enclose a value of [0, 1], so that rounding moves little."""
     place = min(max(value, 0.0), 1.0) * len(histogram) - 0.5

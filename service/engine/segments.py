@@ -100,7 +100,7 @@ def _adjacent_segments(points: NDArray[np.float64], labels: NDArray[np.int64], g
     return np.unique(pairs, axis=0).reshape(-1, 2)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _side_normals(
     normals: NDArray[np.float64], labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
@@ -114,7 +114,7 @@ def _side_normals(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _merge(
     bend: NDArray[np.float64],
     length: NDArray[np.float64],
@@ -161,7 +161,7 @@ def _merge(
     return root
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _join(
     a: int,
     b: int,

@@ -99,7 +99,7 @@ def _sum_t_log_t(rows: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.where(t > 0, t * np.log(np.where(t > 0, t, 1.0)), 0.0).sum(axis=1)
 
 
-@njit(cache=True, fastmath={"reassoc", "contract", "nsz"}, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"}, error_model="numpy")
 def _jsd_matrix(
     queries: NDArray[np.float32],
     prototypes: NDArray[np.float32],

@@ -60,7 +60,7 @@ def _edge_distances(
     return heat / scale if scale else np.zeros(len(heat)), time
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _annex(edges: NDArray[np.int64], order: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each edge, the representatives of the component that dies and of the one that sustains."""
     size = len(edges) + 1

@@ -36,7 +36,7 @@ def _normalised(rows: csr_array) -> NDArray[np.float64]:
     return rows.data / np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _prim(
     indptr: NDArray[np.int64], indices: NDArray[np.int64], data: NDArray[np.float64], dimensions: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -75,14 +75,14 @@ def _prim(
     return edges, length
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _before(a: int, b: int, c: int, d: int) -> bool:
     """Whether the edge a-b stands before c-d."""
     low, high = min(a, b), max(a, b)
     return low < min(c, d) or (low == min(c, d) and high < max(c, d))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _jsd(
     p: NDArray[np.float64], filled: bool, indices: NDArray[np.int64], data: NDArray[np.float64], start: int, stop: int
 ) -> float:
@@ -97,7 +97,7 @@ def _jsd(
     return max(LN2 - 0.5 * shared, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _geodesic_sums(edges: NDArray[np.int64], size: int) -> NDArray[np.int64]:
     """Sum of the distances from each vertex to all in a tree of unit edges, in two passes over the rooted tree.
 
@@ -116,7 +116,7 @@ def _geodesic_sums(edges: NDArray[np.int64], size: int) -> NDArray[np.int64]:
     return sums
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _breadth_first(edges: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Vertices from vertex 0 outwards, and each one's parent."""
     start = np.zeros(size + 1, np.int64)
