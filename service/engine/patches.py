@@ -49,8 +49,7 @@ def extract_patches(cloud: VoxelCloud, params: PatchParams) -> Patches:
         cloud.points, normals, adjacent.indptr, adjacent.indices, _seeds(cloud.points, seed), seed,
         params.normal_weight, params.spatial_weight, params.iterations,
     )  # fmt: skip
-    present, labels = np.unique(labels, return_inverse=True)
-    return Patches(cloud, normals, adjacent, labels, len(present))
+    return Patches(cloud, normals, adjacent, labels, int(labels.max()) + 1)
 
 
 def estimate_normals(cloud: VoxelCloud, radius: float) -> NDArray[np.float64]:
@@ -105,7 +104,7 @@ def _seeds(points: NDArray[np.float64], seed: float) -> NDArray[np.int64]:
     return np.sort(order[np.concatenate([[0], np.cumsum(count)[:-1]])])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _covariances(
     points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
@@ -126,7 +125,7 @@ def _covariances(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _flattest_mean(
     normals: NDArray[np.float64], weight: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
@@ -140,7 +139,7 @@ def _flattest_mean(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _grow(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -154,8 +153,8 @@ def _grow(
 ) -> NDArray[np.int64]:
     """Flow-constrained clustering: patches grow from their seeds through touching voxels, nearest patch first.
 
-    D = w_n (1 - |n1.n2|) + w_s |dx| / seed (Papon et al. 2013, without colour). Islands that no seed reaches
-    become patches of their own. Returns the label of each voxel (M,).
+    D = w_n (1 - |n1.n2|) + w_s |dx| / seed (Papon et al. 2013, without colour). Islands that no seed reaches, and
+    parts that another patch cut off, become patches of their own. Returns the label of each voxel (M,).
     """
     size = len(points)
     centres, directions = points[seeds].copy(), normals[seeds].copy()
@@ -201,25 +200,25 @@ def _grow(
                 d = ((points[i] - centres[label]) ** 2).sum()
                 if d < nearest[label] - TIE * seed**2:
                     nearest[label], starts[label] = d, i
-    return _label_islands(labels, indptr, indices, len(seeds))
+    return _separate(labels, indptr, indices)
 
 
-@njit(cache=True)
-def _label_islands(
-    labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64], fresh: int
-) -> NDArray[np.int64]:
-    """Gives every connected part of the voxels that bear no label a fresh one."""
+@njit(cache=True, nogil=True)
+def _separate(labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Gives every connected part of the voxels that bear one label a label of its own, counted from 0."""
+    out = np.full(len(labels), -1, np.int64)
     stack = np.empty(len(labels), np.int64)
+    count = 0
     for i in range(len(labels)):
-        if labels[i] >= 0:
+        if out[i] >= 0:
             continue
-        labels[i], stack[0], top = fresh, i, 1
+        out[i], stack[0], top = count, i, 1
         while top > 0:
             top -= 1
             v = stack[top]
             for k in indices[indptr[v] : indptr[v + 1]]:
-                if labels[k] < 0:
-                    labels[k], stack[top] = fresh, k
+                if out[k] < 0 and labels[k] == labels[i]:
+                    out[k], stack[top] = count, k
                     top += 1
-        fresh += 1
-    return labels
+        count += 1
+    return out
