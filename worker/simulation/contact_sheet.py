@@ -1,0 +1,129 @@
+"""One picture of many simulated clouds: each point a small disc, shaded by the surface it was measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from worker.simulation.compositions import KINDS
+from worker.simulation.params import CameraParams
+
+if TYPE_CHECKING:
+    from worker.simulation import SimulatedObject
+
+# The paper's colours, (0, 0, 240), (0, 240, 0) and (240, 240, 0), softened.
+COLOURS = {"box": (74, 105, 214), "cylinder": (76, 178, 96), "sphere": (240, 200, 62)}
+BACKGROUND = (246, 246, 243)
+INK = (70, 74, 82)
+NAMES = {"box": "box", "cylinder": "cylinder", "sphere": "sphere"}
+LIGHT = np.array([-0.45, -0.75, -0.55]) / np.linalg.norm([0.45, 0.75, 0.55])  # from the upper left, before the object
+SHARPNESS = 2  # pixels drawn for one pixel of the picture, along each axis
+MARGIN = 0.08  # share of a tile that stays empty on each side
+
+
+def draw_tile(simulated: SimulatedObject, size: int) -> Image.Image:
+    """One object as its sensor saw it, filling a square of `size` pixels."""
+    canvas = size * SHARPNESS
+    points = simulated.cloud.points.astype(np.float64)
+    colours = _shaded(simulated)
+    place = points[:, :2] / points[:, 2:]
+    low, high = place.min(axis=0), place.max(axis=0)
+    scale = canvas * (1 - 2 * MARGIN) / max(np.max(high - low), 1e-6)
+    place = (place - (low + high) / 2) * scale + canvas / 2
+    # A disc reaches half way into the diagonal neighbours, so that the surface closes.
+    radius = max(0.75 * scale / CameraParams().focal, 0.5)
+    image = np.empty((canvas, canvas, 3), dtype=np.uint8)
+    image[:] = BACKGROUND
+    _splat(image, place, points[:, 2], colours, radius)
+    return Image.fromarray(image).resize((size, size), Image.Resampling.LANCZOS)
+
+
+def contact_sheet(tiles: Iterable[tuple[int, Image.Image]], columns: int = 8) -> Image.Image:
+    """Arranges tiles in rows, those of each prototype order together.
+
+    Args:
+        tiles: the order of each object, and its tile; all of one size.
+        columns: tiles in a row.
+    """
+    ordered = sorted(tiles, key=lambda tile: tile[0])
+    rows: list[tuple[int, list[Image.Image]]] = []
+    for order, group in groupby(ordered, key=lambda tile: tile[0]):
+        images = [image for _, image in group]
+        rows += [(order, images[first : first + columns]) for first in range(0, len(images), columns)]
+    size = ordered[0][1].width if ordered else 1
+    left, top = round(0.55 * size), round(0.3 * size)
+    sheet = Image.new("RGB", (left + columns * size + size // 8, top + len(rows) * size + size // 8), BACKGROUND)
+    draw = ImageDraw.Draw(sheet)
+    for row, (order, images) in enumerate(rows):
+        y = top + row * size
+        if row == 0 or rows[row - 1][0] != order:
+            _label(draw, left, y, size, order, first=row == 0)
+        for column, image in enumerate(images):
+            sheet.paste(image, (left + column * size, y))
+    _legend(draw, sheet.width, top)
+    return sheet
+
+
+def _shaded(simulated: SimulatedObject) -> NDArray[np.uint8]:
+    """(N, 3) colour of each point: its prototype's kind under a light from above, darker where it turns away."""
+    points = simulated.cloud.points.astype(np.float64)
+    rotation = simulated.view.pose[:3, :3]
+    labels = simulated.labels.astype(np.int64)
+    normals = simulated.composition.normals(simulated.view.to_composition(points), labels) @ rotation
+    sight = points / np.linalg.norm(points, axis=1, keepdims=True)
+    diffuse = np.clip(normals @ LIGHT, 0, 1)
+    facing = np.clip(-np.einsum("ij,ij->i", normals, sight), 0, 1)
+    halfway = (LIGHT - sight) / np.linalg.norm(LIGHT - sight, axis=1, keepdims=True)
+    gloss = np.clip(np.einsum("ij,ij->i", normals, halfway), 0, 1) ** 40
+    kinds = np.array([KINDS.index(prototype.kind) for prototype in simulated.composition.prototypes])
+    base = np.array([COLOURS[kind] for kind in KINDS])[kinds[labels]]
+    bright = (0.42 + 0.62 * diffuse) * (0.82 + 0.18 * facing)
+    colour = base * bright[:, None] + 255 * 0.22 * gloss[:, None]
+    return np.clip(colour, 0, 255).astype(np.uint8)
+
+
+def _splat(
+    image: NDArray[np.uint8],
+    place: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    colours: NDArray[np.uint8],
+    radius: float,
+) -> None:
+    """Draws a disc for each point into the image (H, W, 3), the near ones over the far ones."""
+    height, width = image.shape[:2]
+    reach = int(np.ceil(radius))
+    dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disc = dx**2 + dy**2 <= radius**2
+    far_first = np.argsort(-depth, kind="stable")
+    x, y = np.rint(place[far_first]).astype(np.int64).T
+    columns = np.clip(x[:, None] + dx[disc], 0, width - 1)
+    rows = np.clip(y[:, None] + dy[disc], 0, height - 1)
+    # Of several points that fall on one pixel, the last, which is the nearest, stays.
+    image[rows.ravel(), columns.ravel()] = np.repeat(colours[far_first], disc.sum(), axis=0)
+
+
+def _label(draw: ImageDraw.ImageDraw, left: int, y: int, size: int, order: int, *, first: bool) -> None:
+    if not first:
+        draw.line([(left // 6, y), (left + 10**5, y)], fill=(222, 222, 218), width=1)
+    draw.text((left // 2, y + size * 0.5), str(order), font=ImageFont.load_default(size * 0.26), fill=INK, anchor="mm")
+    name = "prototype" if order == 1 else "prototypes"
+    draw.text(
+        (left // 2, y + size * 0.68), name, font=ImageFont.load_default(size * 0.085), fill=(130, 134, 142), anchor="mm"
+    )
+
+
+def _legend(draw: ImageDraw.ImageDraw, right: int, height: int) -> None:
+    font = ImageFont.load_default(height * 0.3)
+    x = right - height * 0.5
+    for kind in reversed(KINDS):
+        x -= draw.textlength(kind, font=font)
+        draw.text((x, height * 0.55), kind, font=font, fill=INK, anchor="lm")
+        x -= height * 0.5
+        dot = height * 0.13
+        draw.ellipse([(x - dot, height * 0.55 - dot), (x + dot, height * 0.55 + dot)], fill=COLOURS[kind])
+        x -= height * 0.5
