@@ -35,8 +35,8 @@ def draw_tile(simulated: SimulatedObject, size: int) -> Image.Image:
     low, high = place.min(axis=0), place.max(axis=0)
     scale = canvas * (1 - 2 * MARGIN) / max(np.max(high - low), 1e-6)
     place = (place - (low + high) / 2) * scale + canvas / 2
-    # A disc reaches half way into the diagonal neighbours, so that the surface closes.
-    radius = max(0.75 * scale / CameraParams().focal, 0.5)
+    # A disc reaches half way into the diagonal neighbours, and over the rounding to pixels, so that the surface closes.
+    radius = 0.75 * scale / CameraParams().focal + 0.7
     image = np.empty((canvas, canvas, 3), dtype=np.uint8)
     image[:] = BACKGROUND
     _splat(image, place, points[:, 2], colours, radius)
