@@ -17,6 +17,7 @@ from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ShapeModel, ignore_stage
+from service.jobs import Job, Jobs, JobSpec
 from service.model_file import Manifest
 from service.pool import Pool
 from service.settings import Settings
@@ -68,12 +69,14 @@ class Application:
         self.settings = settings
         self.store = ModelStore(settings.store)
         self.pool = Pool(settings.workers, settings.queue)
+        self._jobs = Jobs(settings.jobs_url)
         self._loaded: OrderedDict[tuple[str, int], ShapeModel] = OrderedDict()
         self._loading = threading.Lock()
 
     def close(self) -> None:
         """Waits for the work under way."""
         self.pool.close()
+        self._jobs.close()
 
     def respond(
         self,
@@ -183,6 +186,22 @@ class Application:
     def rollback(self, name: str, alias: str = PRODUCTION) -> int:
         """Lets an alias mean what it meant before; returns the version."""
         return self.store.rollback(name, alias)
+
+    def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
+        """Puts a job into the queue; submitted again under the same id, it is the same job."""
+        return self._jobs.submit(spec, job_id)
+
+    def job(self, job_id: str) -> Job:
+        """A job as it stands."""
+        return self._jobs.show(job_id)
+
+    def jobs(self, limit: int | None = None) -> list[Job]:
+        """Jobs, the one submitted last first."""
+        return self._jobs.recent(limit)
+
+    def cancel(self, job_id: str) -> Job:
+        """Takes a job from the queue, or stops it."""
+        return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
         limit = self.settings.max_points

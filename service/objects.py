@@ -70,6 +70,12 @@ class Objects:
                 pass
         raise FileNotFoundError(key)
 
+    def remove(self, folder: str) -> None:
+        """Removes all objects below a folder, if there are any."""
+        if keys := self.keys(folder):
+            with self._reporting("written"):
+                obstore.delete(self._writable(), keys)
+
     def keys(self, folder: str) -> list[str]:
         """Keys of all objects below a folder, sorted."""
         with self._reporting("read"):
@@ -110,7 +116,7 @@ class Objects:
     def _readable(self) -> ObjectStore | None:
         """The store, or None for a folder that does not exist yet."""
         if self._opened is None and self._folder is not None and self._folder.exists():
-            self._opened = LocalStore(prefix=self._folder)
+            self._opened = LocalStore(prefix=self._folder, automatic_cleanup=True)
         return self._opened
 
     def _writable(self) -> ObjectStore:

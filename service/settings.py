@@ -25,6 +25,11 @@ def default_store() -> str:
     return str(base / "shape-concepts")
 
 
+def default_jobs_url() -> str:
+    """The database `jobs.sqlite` in the folder of the default store."""
+    return f"sqlite:///{Path(default_store()) / 'jobs.sqlite'}"
+
+
 class Settings(BaseSettings):
     """Settings of the service; read once, where the process starts, and passed down."""
 
@@ -33,6 +38,10 @@ class Settings(BaseSettings):
     store: str = Field(
         default_factory=default_store,
         description="URL of the model store: a folder, file:///folder or s3://bucket/prefix",
+    )
+    jobs_url: str = Field(
+        default_factory=default_jobs_url,
+        description="database of the jobs: sqlite:///FILE or postgresql://USER:PASSWORD@HOST/DATABASE",
     )
     model: str | None = Field(
         None,

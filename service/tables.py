@@ -9,6 +9,7 @@ from rich.table import Table
 from service.aliases import AliasEntry
 from service.answer import Answer
 from service.application import ModelSummary
+from service.jobs import Job
 from service.model_file import Manifest
 
 
@@ -73,6 +74,42 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     for name, value in rows.items():
         table.add_row(name, escape(str(value)))
     Console().print(table)
+
+
+def show_jobs(jobs: list[Job]) -> None:
+    """Prints jobs, a row each."""
+    table = Table()
+    for heading in ("job", "state", "model", "clouds", "submitted (UTC)", "outcome"):
+        table.add_column(heading)
+    for job in jobs:
+        source = job.spec.clouds or f"{job.spec.simulate} simulated"
+        submitted = f"{job.submitted:%Y-%m-%d %H:%M:%S}"
+        table.add_row(job.id, job.state, job.spec.name, escape(source), submitted, escape(_outcome(job)))
+    Console().print(table)
+
+
+def show_job(job: Job) -> None:
+    """Prints a job with all that is known of it."""
+    table = Table(title=f"job {job.id}", title_justify="left", title_style="bold", show_header=False)
+    times = {"submitted": job.submitted, "started": job.started, "finished": job.finished}
+    rows = {
+        "state": job.state,
+        **{name: f"{time:%Y-%m-%d %H:%M:%S} UTC" if time else "-" for name, time in times.items()},
+        "worker": job.worker or "-",
+        "outcome": _outcome(job),
+        **{name: str(value) for name, value in job.spec.model_dump(exclude={"params"}).items() if value is not None},
+        **{f"parameters: {stage}": _pairs(params) for stage, params in job.spec.params.model_dump().items()},
+    }
+    for name, value in rows.items():
+        table.add_row(name, escape(value))
+    Console().print(table)
+
+
+def _outcome(job: Job) -> str:
+    if job.result:
+        left_out = f", {job.result.left_out} left out" if job.result.left_out else ""
+        return f"{job.result.model}:{job.result.version} from {job.result.clouds} clouds{left_out}"
+    return f"{job.error.type}: {job.error.detail}" if job.error else "-"
 
 
 def _pairs(record: object) -> str:

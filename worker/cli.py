@@ -147,6 +147,25 @@ def train(
         )
 
 
+@main.command(epilog=_epilog("run", "run --worker gpu-box-2 --workers 8"))
+@click.option(
+    "--worker", "name", metavar="NAME", help="Of this worker, the same at every start and no other's.  [default: host]"
+)
+@workers_option
+@store_option
+def run(name: str | None, workers: int, store: str | None) -> None:
+    """Takes jobs from the queue and does them, one after the other.
+
+    The queue is the database SHAPE_CONCEPTS_JOBS_URL. At SIGTERM or Ctrl-C the worker ends, exit code 0; a job that it
+    was doing goes on where it was, step by step, when the worker of that name starts again, even after a kill -9.
+    """
+    import platform
+
+    from worker.jobs import run as take_jobs
+
+    take_jobs(settings_of(store=store), name or platform.node() or "worker", workers)
+
+
 def _source(folder: Path | None, count: int | None, seed: int, config: TrainingConfig, renderer: str | None) -> Source:
     from worker.sources import Folder, Simulation
 

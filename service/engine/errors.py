@@ -79,6 +79,14 @@ class StoreUnavailable(ShapeConceptsError):
     """The model store cannot be read or written."""
 
 
+class JobNotFound(ShapeConceptsError):
+    """There is no job of that id."""
+
+
+class JobsUnavailable(ShapeConceptsError):
+    """The database of jobs cannot be used, or the job engine is not installed."""
+
+
 class Overloaded(ShapeConceptsError):
     """More work is waiting than the service accepts; try again later."""
 

@@ -12,6 +12,8 @@ from service.engine.errors import (
     Cancelled,
     InvalidCloud,
     InvalidParameter,
+    JobNotFound,
+    JobsUnavailable,
     ModelDamaged,
     ModelIncompatible,
     ModelNotFound,
@@ -59,6 +61,8 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
     ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
     StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
+    JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
+    JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=True, private=True),
     Overloaded: Status(429, "RESOURCE_EXHAUSTED", "The service has too much to do", retry=True),
     Cancelled: Status(499, "CANCELLED", "The request was cancelled"),
 }
