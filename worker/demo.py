@@ -55,11 +55,11 @@ def main(files: tuple[Path, ...], count: int, folder: Path) -> None:
 
 def unseen_object(folder: Path) -> Path:
     """The file of a simulated cloud that the model has not learned from; simulates it where there is none yet."""
-    if not folder.is_dir():
+    if not list(folder.glob("*.ply")):
         say("Simulating one more object, of another seed, to ask about.")
         simulate = ("simulate", "--count", "1", "--orders", "3", "--seed", str(UNSEEN_SEED), "--out", str(folder))
         call("shape-concepts-worker", *simulate, *renderer())
-    return next(folder.rglob("*.ply"))
+    return min(folder.glob("*.ply"))
 
 
 def renderer() -> Sequence[str]:
@@ -80,7 +80,7 @@ def ask(address: str, file: Path) -> bool:
     request = urllib.request.Request(url, file.read_bytes(), dict([kind.split(": ")]))
     try:
         with urllib.request.urlopen(request) as reply:
-            show_answer(str(file), Answer.model_validate_json(reply.read()))
+            show_answer(file.name, Answer.model_validate_json(reply.read()))
     except urllib.error.HTTPError as error:
         problem = json.load(error)
         click.echo(f"{error.code} {problem['title']}: {problem['detail']}", err=True)
@@ -93,7 +93,7 @@ def service(store: str) -> Iterator[str]:
     """The address of a service on that store, which is stopped at the end.
 
     Raises:
-        ClickException: it did not start.
+        ClickException: it did not start, or cannot answer.
     """
     port = free_port()
     address = f"http://127.0.0.1:{port}"
@@ -115,6 +115,8 @@ def wait_until_ready(process: subprocess.Popen[bytes], url: str) -> None:
         try:
             with urllib.request.urlopen(url, timeout=STARTING):
                 return
+        except urllib.error.HTTPError as error:
+            raise click.ClickException(f"The service is not ready: {json.load(error)['detail']}") from error
         except OSError:
             time.sleep(0.1)
     raise click.ClickException("The service did not start.")

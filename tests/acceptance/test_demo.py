@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -67,6 +68,18 @@ def test_your_own_clouds_are_asked_about_and_a_bad_one_is_refused_by_the_service
     assert re.search(r"│ +1 │ +\d+ │", run.stdout)
     (port,) = re.findall(r"--port (\d+)", run.stdout)
     assert refuses_connections(int(port))
+
+
+def test_an_interrupted_demo_goes_on_and_a_damaged_model_is_said(first, tmp_path):
+    folder = tmp_path / "demo"
+    (folder / "unseen").mkdir(parents=True)
+    shutil.copytree(first[0] / "store", folder / "store")
+    assert demo(folder).returncode == 0
+    (content,) = (folder / "store").rglob("*.safetensors")
+    content.write_bytes(content.read_bytes()[:-100])
+    run = demo(folder)
+    assert run.returncode == 1
+    assert "not ready" in run.stderr
 
 
 def test_a_file_that_is_not_there_is_said_before_anything_is_done(tmp_path):
