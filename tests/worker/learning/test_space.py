@@ -1,0 +1,164 @@
+"""The topological space against scipy's trees and shortest paths."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
+from scipy.spatial.distance import jensenshannon
+
+from service.engine.space import TopologicalSpace
+from tests.learnt import learnt
+from worker.learning.space import build_space
+
+LN2 = np.log(2)
+
+
+def sparse(seed: int, size: int, dimensions: int = 60, fill: float = 0.3) -> csr_array:
+    rng = np.random.default_rng(seed)
+    rows = rng.random((size, dimensions)) * (rng.random((size, dimensions)) < fill)
+    return csr_array(rows.astype(np.float32))
+
+
+def all_distances(stimuli: csr_array) -> NDArray[np.float64]:
+    """The complete JSD graph; a vector of zeros is ln 2 from all that are not, and 0 from those that are."""
+    rows = stimuli.toarray().astype(np.float64)
+    empty = rows.sum(axis=1) == 0
+    out = np.zeros((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(i):
+            if empty[i] or empty[j]:
+                out[i, j] = out[j, i] = 0.0 if empty[i] and empty[j] else LN2
+            else:
+                out[i, j] = out[j, i] = jensenshannon(rows[i], rows[j]) ** 2
+    return out
+
+
+def kruskal(distances: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """The tree's edges, taken in the order of (distance, smaller vertex, larger vertex)."""
+    size = len(distances)
+    component = list(range(size))
+    tree = []
+    for _, a, b in sorted((distances[i, j], i, j) for j in range(size) for i in range(j)):
+        if component[a] != component[b]:
+            tree.append((a, b))
+            old, new = component[b], component[a]
+            component = [new if c == old else c for c in component]
+    return sorted(tree)
+
+
+def check_heat(space: TopologicalSpace) -> None:
+    size = len(space.geodesic_sum)
+    graph = csr_array((np.ones(size - 1), space.edges.T), shape=(size, size))
+    hops = shortest_path(graph, directed=False, unweighted=True)
+    assert np.array_equal(space.geodesic_sum, hops.sum(axis=1))
+    assert np.allclose(space.vertex_heat, hops.mean(axis=1))
+
+
+@pytest.mark.parametrize(("seed", "size"), [(0, 2), (1, 3), (2, 10), (3, 60), (4, 150)])
+def test_the_tree_is_scipys_and_its_heats_are_the_mean_shortest_paths(seed: int, size: int):
+    stimuli = sparse(seed, size)
+    space, distances = build_space(stimuli), all_distances(stimuli)
+    theirs = minimum_spanning_tree(distances).tocoo()
+    assert sorted(map(sorted, np.stack([theirs.row, theirs.col], axis=1).tolist())) == space.edges.tolist()
+    assert space.distance.sum() == pytest.approx(theirs.data.sum(), rel=1e-9)
+    assert np.allclose(space.distance, distances[tuple(space.edges.T)], atol=1e-9)
+    check_heat(space)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_tree_is_the_one_that_kruskal_builds(seed: int):
+    stimuli = sparse(seed, 25)
+    assert list(map(tuple, build_space(stimuli).edges.tolist())) == kruskal(all_distances(stimuli))
+
+
+@pytest.mark.parametrize("order", [list(range(12)), list(range(11, -1, -1)), [3, 7, 1, 0, 11, 5, 2, 9, 4, 10, 8, 6]])
+def test_ties_are_broken_by_index(order: list[int]):
+    """One-hot vectors: those of one kind are 0 apart, those of two kinds exactly ln 2."""
+    kinds = np.array([0, 0, 0, 1, 1, 2, 2, 2, 3, 4, 4, 4])[order]
+    stimuli = csr_array(np.eye(5, dtype=np.float32)[kinds])
+    space = build_space(stimuli)
+    distances = np.where(kinds[:, None] == kinds, 0.0, LN2)
+    assert list(map(tuple, space.edges.tolist())) == kruskal(distances)
+    assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
+    check_heat(space)
+
+
+def test_duplicates_of_soft_vectors_are_no_distance_apart():
+    rows = sparse(0, 6, fill=0.9).toarray()
+    space = build_space(csr_array(np.concatenate([rows, rows, 3 * rows])))
+    assert np.sort(space.distance)[:12].max() < 1e-12
+    assert np.sort(space.distance)[12:].min() > 1e-4
+    check_heat(space)
+
+
+def test_vectors_of_zeros_have_their_place():
+    rows = sparse(1, 8).toarray()
+    rows[[2, 5, 6]] = 0
+    space = build_space(csr_array(rows))
+    assert list(map(tuple, space.edges.tolist())) == kruskal(all_distances(csr_array(rows)))
+    assert sorted(space.distance)[0] == 0
+    assert space.distance.max() == LN2
+    nothing = build_space(csr_array((4, 10), dtype=np.float32))
+    assert nothing.edges.tolist() == [[0, 1], [0, 2], [0, 3]]
+    assert not nothing.distance.any()
+
+
+def test_edges_stand_in_lexicographic_order_the_smaller_vertex_first():
+    edges = build_space(sparse(5, 80)).edges
+    assert (edges[:, 0] < edges[:, 1]).all()
+    assert edges.tolist() == sorted(edges.tolist())
+
+
+def test_scaling_a_stimuli_vector_changes_nothing():
+    rows = sparse(6, 20).toarray()
+    a, b = build_space(csr_array(rows)), build_space(csr_array(rows * np.float32(4)))
+    assert np.array_equal(a.edges, b.edges)
+    assert np.array_equal(a.distance, b.distance)
+
+
+def test_the_input_is_left_alone_and_may_be_unsorted():
+    stimuli = sparse(7, 20)
+    flipped = csr_array((stimuli.data.copy(), stimuli.indices.copy(), stimuli.indptr.copy()), shape=stimuli.shape)
+    for start, stop in zip(stimuli.indptr[:-1], stimuli.indptr[1:], strict=True):
+        flipped.indices[start:stop] = flipped.indices[start:stop][::-1]
+        flipped.data[start:stop] = flipped.data[start:stop][::-1]
+    before = flipped.indices.copy()
+    assert np.array_equal(build_space(flipped).edges, build_space(stimuli).edges)
+    assert np.array_equal(flipped.indices, before)
+
+
+def test_shapes_of_trees_have_the_heats_that_can_be_counted():
+    # A path: each vector shares one dimension with the next. A star: all share one dimension with the first.
+    n = 7
+    path = np.eye(n, n + 1) + np.eye(n, n + 1, 1)
+    space = build_space(csr_array(path.astype(np.float32)))
+    assert space.edges.tolist() == [[i, i + 1] for i in range(n - 1)]
+    assert space.geodesic_sum.tolist() == [sum(abs(i - j) for j in range(n)) for i in range(n)]
+    star = np.concatenate([np.ones((1, n)), np.eye(n)])
+    space = build_space(csr_array(star.astype(np.float32)))
+    assert space.edges.tolist() == [[0, i] for i in range(1, n + 1)]
+    assert space.geodesic_sum.tolist() == [n] + [1 + 2 * (n - 1)] * n
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_a_models_space_can_be_recomputed_from_its_stored_stimuli(preset: str):
+    model = learnt(preset)
+    distances = all_distances(model.stimuli)
+    assert list(map(tuple, model.space.edges.tolist())) == kruskal(distances)
+    assert np.allclose(model.space.distance, distances[tuple(model.space.edges.T)], atol=1e-12)
+    check_heat(model.space)
+
+
+def test_the_matrix_of_all_distances_is_never_held():
+    stimuli = sparse(8, 3000, dimensions=400, fill=0.02)
+    build_space(stimuli[:10])
+    tracemalloc.start()
+    build_space(stimuli)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3000**2  # bytes: an eighth of the full matrix
