@@ -65,16 +65,24 @@ def fpfh(graph: SegmentGraph, radius: float) -> NDArray[np.float64]:
 def _spfh(
     points: NDArray[np.float64], normals: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Simplified point feature histograms (M, 33): the Darboux angles alpha, phi, theta to each neighbour."""
+    """Simplified point feature histograms (M, 33): the Darboux angles alpha, phi, theta to each neighbour.
+
+    A pair's angles are the same from either end, so each pair is measured once.
+    """
     out = np.zeros((len(points), 3 * FPFH_BINS))
     for i in range(len(points)):
         for j in indices[indptr[i] : indptr[i + 1]]:
-            if i == j:
+            if j <= i:
                 continue
             alpha, phi, theta = _darboux(points[i], normals[i], points[j], normals[j])
-            out[i, _bin((alpha + 1) / 2, FPFH_BINS)] += 1
-            out[i, FPFH_BINS + _bin((phi + 1) / 2, FPFH_BINS)] += 1
-            out[i, 2 * FPFH_BINS + _bin((theta + np.pi) / (2 * np.pi), FPFH_BINS)] += 1
+            first = _bin((alpha + 1) / 2, FPFH_BINS)
+            second = FPFH_BINS + _bin((phi + 1) / 2, FPFH_BINS)
+            third = 2 * FPFH_BINS + _bin((theta + np.pi) / (2 * np.pi), FPFH_BINS)
+            for end in (i, j):
+                out[end, first] += 1
+                out[end, second] += 1
+                out[end, third] += 1
+    for i in range(len(points)):
         out[i] /= max(out[i].sum(), 1.0)
     return out
 
@@ -93,8 +101,9 @@ def _weighted(
         k = max(indptr[i + 1] - indptr[i] - 1, 1)
         for j in indices[indptr[i] : indptr[i + 1]]:
             if i != j:
-                distance = np.sqrt(((points[i] - points[j]) ** 2).sum())
-                out[i] += simple[j] / (k * max(distance, closest))
+                weight = 1.0 / (k * max(np.sqrt(((points[i] - points[j]) ** 2).sum()), closest))
+                for b in range(out.shape[1]):
+                    out[i, b] += weight * simple[j, b]
         total = out[i].sum()
         if total > 0:
             out[i] /= total

@@ -24,7 +24,7 @@ class CloudParams(StageParams):
 
     min_points: int = Field(100, ge=10, description="fewest points that are answered")
     min_extent: float = Field(0.002, gt=0, description="smallest plausible object, metres")
-    max_extent: float = Field(20.0, gt=0, description="largest plausible object, metres")
+    max_extent: float = Field(10.0, gt=0, description="largest plausible object, metres")
     voxel: float = Field(1 / 32, gt=0.005, le=0.2, description="voxel edge, share of the object's extent")
     max_voxels: int = Field(
         5000, ge=100, le=100_000, description="voxels beyond which larger ones are taken: no surface has so many"

@@ -16,6 +16,7 @@ from service.engine.neighbours import Neighbourhood, neighbourhood, touching
 from service.engine.params import PatchParams
 
 FLATTEST = 4.0  # power with which flat neighbourhoods outvote those that straddle a crease
+FLOW = 64  # rings of voxels that a patch may grow by
 NOISE_FLOOR = 3e-3  # surface variation that a noisy plane has
 SLIVER = 0.01  # variance across, relative to the variance along, below which a neighbourhood fixes no plane
 TIE = 1e-5  # two voxels are equally far from their mean: what is nearer by less, in seed distances, is no nearer
@@ -133,8 +134,9 @@ def _flattest_mean(
     out = np.zeros_like(normals)
     for i in range(len(normals)):
         for k in indices[indptr[i] : indptr[i + 1]]:
-            out[i] += weight[k] * normals[k]
-        length = np.sqrt((out[i] ** 2).sum())
+            for axis in range(3):
+                out[i, axis] += weight[k] * normals[k, axis]
+        length = np.sqrt(_dot(out[i], out[i]))
         out[i] = out[i] / length if length > 0 else normals[i]
     return out
 
@@ -156,51 +158,82 @@ def _grow(
     D = w_n (1 - |n1.n2|) + w_s |dx| / seed (Papon et al. 2013, without colour). Islands that no seed reaches, and
     parts that another patch cut off, become patches of their own. Returns the label of each voxel (M,).
     """
-    size = len(points)
     centres, directions = points[seeds].copy(), normals[seeds].copy()
     starts = seeds.copy()
-    labels = np.full(size, -1, np.int64)
+    labels = np.full(len(points), -1, np.int64)
     for _ in range(iterations):
         labels[:] = -1
-        distance = np.full(size, np.inf)
-        for label in range(len(starts)):
-            labels[starts[label]] = label
-            distance[starts[label]] = 0.0
-        changed = True
-        for _ in range(64):
-            if not changed:
-                break
-            changed = False
+        distance = np.full(len(points), np.inf)
+        labels[starts] = np.arange(len(starts))
+        distance[starts] = 0.0
+        for _ in range(FLOW):
             before = labels.copy()
-            for i in range(size):
+            for i in range(len(points)):
                 for k in indices[indptr[i] : indptr[i + 1]]:
                     label = before[k]
                     if label < 0 or label == labels[i]:
                         continue
-                    dot = abs((normals[i] * directions[label]).sum())
-                    dx = np.sqrt(((points[i] - centres[label]) ** 2).sum())
-                    d = normal_weight * (1.0 - dot) + spatial_weight * dx / seed
+                    bend = 1.0 - abs(_dot(normals[i], directions[label]))
+                    d = normal_weight * bend + spatial_weight * np.sqrt(_squared(points[i], centres[label])) / seed
                     if d < distance[i]:
-                        distance[i], labels[i], changed = d, label, True
-        centres[:] = 0.0
-        directions[:] = 0.0
-        count = np.zeros(len(seeds))
-        for i in range(size):
-            if labels[i] >= 0:
-                centres[labels[i]] += points[i]
-                directions[labels[i]] += normals[i]
-                count[labels[i]] += 1
-        nearest = np.full(len(seeds), np.inf)
-        for label in range(len(seeds)):
-            centres[label] /= count[label]
-            directions[label] /= max(np.sqrt((directions[label] ** 2).sum()), 1e-12)
-        for i in range(size):
-            label = labels[i]
-            if label >= 0:
-                d = ((points[i] - centres[label]) ** 2).sum()
-                if d < nearest[label] - TIE * seed**2:
-                    nearest[label], starts[label] = d, i
+                        distance[i], labels[i] = d, label
+            if (before == labels).all():
+                break
+        _recentre(points, normals, labels, centres, directions)
+        _restart(points, labels, centres, starts, TIE * seed**2)
     return _separate(labels, indptr, indices)
+
+
+@njit(cache=True, nogil=True)
+def _recentre(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    centres: NDArray[np.float64],
+    directions: NDArray[np.float64],
+) -> None:
+    """Moves centres (P, 3) and directions (P, 3), in place, to the means of their patches' voxels."""
+    count = np.zeros(len(centres))
+    centres[:] = 0.0
+    directions[:] = 0.0
+    for i in range(len(points)):
+        if labels[i] >= 0:
+            count[labels[i]] += 1
+            for axis in range(3):
+                centres[labels[i], axis] += points[i, axis]
+                directions[labels[i], axis] += normals[i, axis]
+    for label in range(len(centres)):
+        centres[label] /= count[label]
+        directions[label] /= max(np.sqrt(_dot(directions[label], directions[label])), 1e-12)
+
+
+@njit(cache=True, nogil=True)
+def _restart(
+    points: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    centres: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    tie: float,
+) -> None:
+    """Sets each patch's start, in place, to its voxel nearest to the centre; of equally near ones the first."""
+    nearest = np.full(len(starts), np.inf)
+    for i in range(len(points)):
+        label = labels[i]
+        if label >= 0:
+            d = _squared(points[i], centres[label])
+            if d < nearest[label] - tie:
+                nearest[label], starts[label] = d, i
+
+
+@njit(nogil=True, inline="always")
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(nogil=True, inline="always")
+def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Squared distance."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @njit(cache=True, nogil=True)

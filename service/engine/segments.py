@@ -109,7 +109,8 @@ def _side_normals(
     for i in range(len(normals)):
         for k in indices[indptr[i] : indptr[i + 1]]:
             if labels[k] == labels[i]:
-                out[i] += normals[k]
+                for axis in range(3):
+                    out[i, axis] += normals[k, axis]
         out[i] /= max(np.sqrt((out[i] ** 2).sum()), 1e-12)
     return out
 
