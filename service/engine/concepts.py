@@ -40,11 +40,11 @@ class Concepts:
 class Metric:
     """The Mahalanobis distance between stimuli vectors, as a linear embedding in which it is Euclidean.
 
-    d^2(a, b) = |(f(a) - f(b)) W|^2 + |r(a) - r(b)|^2 / v, where f weighs the vector (and, if asked,
-    takes the square root of it normalised to sum 1), and r is what of the vector lies outside the subspace.
+    d^2(a, b) = |(f(a) - f(b)) W|^2 + |r(a) - r(b)|^2 / v, where f (takes, if asked, the square root of the vector
+    normalised to sum 1, and) weighs each dimension, and r is what of f lies outside the subspace.
 
     Attributes:
-        weights: (V,) float32: of each dimension, before anything else.
+        weights: (V,) float32: of each dimension, after the square root.
         mean: (V,) float32.
         components: (k, V) float32: orthonormal.
         variance: (k,) float64: along each component.
@@ -80,13 +80,13 @@ class Metric:
 
 
 def features(stimuli: csr_array, weights: NDArray[np.float32], hellinger: bool) -> csr_array:
-    """Weighted stimuli vectors (n, V), or the square roots of those that sum to 1."""
-    rows = csr_array(stimuli.astype(np.float64).multiply(weights[None, :]))
-    if not hellinger:
-        return rows
-    total = np.asarray(rows.sum(axis=1)).ravel()
-    scale = np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
-    return csr_array((np.sqrt(rows.data / scale), rows.indices, rows.indptr), shape=rows.shape)
+    """Weighted stimuli vectors (n, V), or weighted square roots of those normalised to sum 1."""
+    rows = csr_array(stimuli.astype(np.float64))
+    if hellinger:
+        total = np.asarray(rows.sum(axis=1)).ravel()
+        scale = np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
+        rows = csr_array((np.sqrt(rows.data / scale), rows.indices, rows.indptr), shape=rows.shape)
+    return csr_array(rows.multiply(weights[None, :]))
 
 
 def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:

@@ -26,7 +26,7 @@ def learn_metric(stimuli: csr_array, params: ResponseParams) -> Metric:
     weights = _weights(stimuli, params)
     rows = features(stimuli, weights, params.hellinger)
     mean = np.asarray(rows.mean(axis=0)).ravel()
-    limit = params.dimensions if params.metric == "subspace" else min(rows.shape) - 1
+    limit = params.dimensions if params.metric == "subspace" else min(rows.shape[0] - 1, rows.shape[1])
     components, variance = _principal_components(rows, mean, max(limit, 1))
     residual = float("inf")
     if params.metric in ("identity", "diagonal"):

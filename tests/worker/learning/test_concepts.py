@@ -1,0 +1,122 @@
+"""The metric of Eq. 4 against explicit inverse covariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from sklearn.covariance import LedoitWolf
+from sklearn.decomposition import PCA
+
+from service.engine.concepts import Metric
+from service.engine.params import ResponseParams
+from tests.learnt import learnt
+from worker.learning.concepts import learn_metric
+
+both_geometries = pytest.mark.parametrize("hellinger", [False, True])
+SHAPES = {"more dimensions than samples": (12, 30), "more samples than dimensions": (40, 6), "two samples": (2, 5)}
+both_shapes = pytest.mark.parametrize("shape", SHAPES)
+
+
+def stimuli(shape: str, seed: int = 0, fill: float = 0.7) -> csr_array:
+    rng = np.random.default_rng(seed)
+    size = SHAPES[shape]
+    return csr_array((rng.random(size) * (rng.random(size) < fill)).astype(np.float32))
+
+
+def features(vectors: csr_array, hellinger: bool) -> NDArray[np.float64]:
+    rows = vectors.toarray().astype(np.float64)
+    if hellinger:
+        rows = np.sqrt(rows / np.maximum(rows.sum(axis=1, keepdims=True), 1e-300))
+    return rows
+
+
+def squared(metric: Metric, queries: csr_array, prototypes: csr_array) -> NDArray[np.float64]:
+    """As the engine measures: from queries, which may be anything, to prototypes, from which the metric was learnt."""
+    between = metric.embed(queries)[:, None] - metric.embed(prototypes)[None]
+    return (between**2).sum(axis=2) + metric.residual(queries)[:, None]
+
+
+def explicit(a: NDArray[np.float64], b: NDArray[np.float64], inverse: NDArray[np.float64]) -> NDArray[np.float64]:
+    difference = a[:, None] - b[None]
+    return np.einsum("abi,ij,abj->ab", difference, inverse, difference)
+
+
+@both_geometries
+@both_shapes
+def test_the_identity_is_the_euclidean_distance(shape: str, hellinger: bool):
+    known, asked = stimuli(shape), stimuli(shape, 1)
+    metric = learn_metric(known, ResponseParams(metric="identity", hellinger=hellinger))
+    a, b = features(asked, hellinger), features(known, hellinger)
+    assert np.allclose(squared(metric, asked, known), explicit(a, b, np.eye(a.shape[1])), rtol=1e-4, atol=1e-5)
+
+
+@both_geometries
+@pytest.mark.parametrize("shape", list(SHAPES)[:2])
+def test_the_diagonal_divides_by_each_variance(shape: str, hellinger: bool):
+    known, asked = stimuli(shape), stimuli(shape, 1)
+    metric = learn_metric(known, ResponseParams(metric="diagonal", hellinger=hellinger))
+    a, b = features(asked, hellinger), features(known, hellinger)
+    expected = explicit(a, b, np.diag(1 / b.var(axis=0)))
+    assert np.allclose(squared(metric, asked, known), expected, rtol=1e-3, atol=1e-3)
+
+
+@both_geometries
+@pytest.mark.parametrize("shape", list(SHAPES)[:2])
+def test_the_shrunk_covariance_is_that_of_ledoit_and_wolf(shape: str, hellinger: bool):
+    known, asked = stimuli(shape), stimuli(shape, 1)
+    metric = learn_metric(known, ResponseParams(metric="shrunk", hellinger=hellinger))
+    a, b = features(asked, hellinger), features(known, hellinger)
+    inverse = np.linalg.inv(LedoitWolf().fit(b).covariance_)
+    assert np.allclose(squared(metric, asked, known), explicit(a, b, inverse), rtol=1e-4)
+
+
+@both_geometries
+@pytest.mark.parametrize(("shape", "dimensions"), [*((s, k) for s in list(SHAPES)[:2] for k in (1, 3, 5))])
+def test_the_subspace_is_that_of_the_strongest_components(shape: str, dimensions: int, hellinger: bool):
+    known, asked = stimuli(shape), stimuli(shape, 1)
+    metric = learn_metric(known, ResponseParams(metric="subspace", dimensions=dimensions, hellinger=hellinger))
+    pca = PCA(dimensions, whiten=True, svd_solver="full").fit(features(known, hellinger))
+    a, b = (pca.transform(features(v, hellinger)) for v in (asked, known))
+    assert np.allclose(squared(metric, asked, known), ((a[:, None] - b[None]) ** 2).sum(axis=2), rtol=1e-3, atol=1e-4)
+
+
+def test_strong_components_of_many_samples_are_found_without_all_others():
+    rng = np.random.default_rng(0)
+    known = csr_array((rng.random((90, 120)) * (rng.random((90, 120)) < 0.3)).astype(np.float32))
+    metric = learn_metric(known, ResponseParams(metric="subspace", dimensions=5, hellinger=False))
+    pca = PCA(5, svd_solver="full").fit(known.toarray().astype(float))
+    assert np.allclose(metric.variance, pca.explained_variance_, rtol=1e-6)
+    assert np.allclose(np.abs(np.sum(metric.components * pca.components_, axis=1)), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["subspace", "diagonal", "shrunk", "identity"])
+@both_geometries
+def test_components_are_orthonormal_and_their_signs_told(kind: str, hellinger: bool):
+    metric = learn_metric(stimuli("more dimensions than samples"), ResponseParams(metric=kind, hellinger=hellinger))
+    assert np.allclose(metric.components @ metric.components.T, np.eye(len(metric.components)), atol=1e-5)
+    assert (metric.variance > 0).all()
+    assert metric.residual_variance > 0
+    largest = np.take_along_axis(metric.components, np.abs(metric.components).argmax(axis=1)[:, None], axis=1)
+    assert (largest > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["subspace", "diagonal", "shrunk", "identity"])
+@both_geometries
+def test_equal_samples_and_empty_ones_have_finite_distances(kind: str, hellinger: bool):
+    row = np.random.default_rng(0).random(6)
+    for rows in ([row] * 4, [row, row, row, 0 * row], [0 * row] * 3, [row, 2 * row]):
+        known = csr_array(np.array(rows, dtype=np.float32))
+        metric = learn_metric(known, ResponseParams(metric=kind, hellinger=hellinger))
+        asked = csr_array(np.array([row, 0 * row, row[::-1]], dtype=np.float32))
+        with np.errstate(over="ignore"):
+            assert not np.isnan(squared(metric, asked, known)).any()
+
+
+def test_learning_twice_gives_the_same_bits():
+    for kind in ("subspace", "shrunk"):
+        params = ResponseParams(metric=kind)
+        a, b = (learn_metric(learnt().stimuli.copy(), params) for _ in range(2))
+        assert a.components.tobytes() == b.components.tobytes()
+        assert a.variance.tobytes() == b.variance.tobytes()
