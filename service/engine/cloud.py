@@ -8,12 +8,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from service.engine.errors import DegenerateCloud, EmptyCloud, ImplausibleExtent, NoFinitePoints, TooFewPoints
+from service.engine.errors import (
+    DegenerateCloud,
+    DistantCloud,
+    EmptyCloud,
+    ImplausibleExtent,
+    NoFinitePoints,
+    TooFewPoints,
+)
 from service.engine.neighbours import touching
 from service.engine.params import CloudParams
 
 LATTICE_BITS = 21  # three coordinates of 21 bits fit one 63-bit key
 TRIM = 4.0  # points farther from the centre than this many median distances are outliers
+FARTHEST = 1e4  # extents; beyond, the steps of float32 coordinates approach a voxel
 LINE = 1e-4  # variance across, relative to the variance along, below which points are a line
 COARSEST_VOXEL = 0.2  # share of the extent
 
@@ -97,6 +105,7 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
     points = _in_order(_checked(cloud, params))
     centre, radius = _centre(points)
     _check_extent(2 * radius, params)
+    _check_distance(float(np.linalg.norm(centre)), 2 * radius)
     inside = np.linalg.norm(points - centre, axis=1) <= 1.5 * radius
     points = points[inside]
     if len(points) < params.min_points:
@@ -180,6 +189,14 @@ def _check_extent(extent: float, params: CloudParams) -> None:
         raise ImplausibleExtent(
             f"The object would be {extent:.3g} m across, less than {params.min_extent:g} m. Clouds are read in metres: "
             "state the unit of its coordinates if they are of another one."
+        )
+
+
+def _check_distance(distance: float, extent: float) -> None:
+    if distance > FARTHEST * extent:
+        raise DistantCloud(
+            f"The object, {extent:.3g} m across, would be {distance:.3g} m from the sensor, where its coordinates are too "
+            "coarse. If they are of a map or a robot's base, state the viewpoint from which the cloud was seen."
         )
 
 

@@ -47,6 +47,10 @@ class ImplausibleExtent(InvalidCloud):
     """The object is far too large or too small for metres: most likely its unit is another one."""
 
 
+class DistantCloud(InvalidCloud):
+    """The object lies so far from the sensor that its coordinates no longer tell its surface."""
+
+
 class UnreadableCloud(ShapeConceptsError):
     """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
 

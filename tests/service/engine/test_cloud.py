@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from service.engine.cloud import PointCloud, VoxelCloud, downsample, normalise
-from service.engine.errors import DegenerateCloud, EmptyCloud, ImplausibleExtent, NoFinitePoints, TooFewPoints
+from service.engine.errors import (
+    DegenerateCloud,
+    DistantCloud,
+    EmptyCloud,
+    ImplausibleExtent,
+    NoFinitePoints,
+    TooFewPoints,
+)
 from service.engine.params import CloudParams
 from tests.shapes import about_optical_axis, box, cloud_of, corner_view, look, see
 
@@ -192,3 +199,10 @@ def test_a_million_points_take_seconds_and_little_more_memory_than_they_are():
     tracemalloc.stop()
     assert elapsed < 10
     assert peak < 500e6
+
+
+def test_an_object_in_the_coordinates_of_a_map_is_told_to_state_its_viewpoint() -> None:
+    points = np.random.default_rng(0).random((500, 3)) * 0.2
+    normalise(PointCloud((points + [0, 0, 500]).astype(np.float32)), CloudParams())
+    with pytest.raises(DistantCloud, match="state the viewpoint"):
+        normalise(PointCloud((points + [5e5, 4e6, 0]).astype(np.float32)), CloudParams())
