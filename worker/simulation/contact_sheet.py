@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import groupby
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 # The paper's colours, (0, 0, 240), (0, 240, 0) and (240, 240, 0), softened.
 COLOURS = {"box": (74, 105, 214), "cylinder": (76, 178, 96), "sphere": (240, 200, 62)}
 BACKGROUND = (246, 246, 243)
-INK = (70, 74, 82)
-NAMES = {"box": "box", "cylinder": "cylinder", "sphere": "sphere"}
+INK, PALE_INK, RULE = (70, 74, 82), (130, 134, 142), (222, 222, 218)
 LIGHT = np.array([-0.45, -0.75, -0.55]) / np.linalg.norm([0.45, 0.75, 0.55])  # from the upper left, before the object
 SHARPNESS = 2  # pixels drawn for one pixel of the picture, along each axis
 MARGIN = 0.08  # share of a tile that stays empty on each side
+LANDSCAPE = 1.9  # columns for each row
+LEAST_COLUMNS = 3  # as wide as the legend
 
 
 def draw_tile(simulated: SimulatedObject, size: int) -> Image.Image:
@@ -43,30 +44,41 @@ def draw_tile(simulated: SimulatedObject, size: int) -> Image.Image:
     return Image.fromarray(image).resize((size, size), Image.Resampling.LANCZOS)
 
 
-def contact_sheet(tiles: Iterable[tuple[int, Image.Image]], columns: int = 8) -> Image.Image:
+def contact_sheet(tiles: Sequence[tuple[int, Image.Image]]) -> Image.Image:
     """Arranges tiles in rows, those of each prototype order together.
 
     Args:
-        tiles: the order of each object, and its tile; all of one size.
-        columns: tiles in a row.
+        tiles: the order of each object, and its tile; at least one, all of one size.
     """
-    ordered = sorted(tiles, key=lambda tile: tile[0])
-    rows: list[tuple[int, list[Image.Image]]] = []
-    for order, group in groupby(ordered, key=lambda tile: tile[0]):
-        images = [image for _, image in group]
-        rows += [(order, images[first : first + columns]) for first in range(0, len(images), columns)]
-    size = ordered[0][1].width if ordered else 1
-    left, top = round(0.55 * size), round(0.3 * size)
-    sheet = Image.new("RGB", (left + columns * size + size // 8, top + len(rows) * size + size // 8), BACKGROUND)
+    by_order: dict[int, list[Image.Image]] = {order: [] for order in sorted({order for order, _ in tiles})}
+    for order, image in tiles:
+        by_order[order].append(image)
+    columns = _columns([len(images) for images in by_order.values()])
+    rows = [
+        (order, images[first : first + columns])
+        for order, images in by_order.items()
+        for first in range(0, len(images), columns)
+    ]
+    size = tiles[0][1].width
+    left, top, end = round(0.55 * size), round(0.3 * size), size // 8
+    sheet = Image.new("RGB", (left + columns * size + end, top + len(rows) * size + end), BACKGROUND)
     draw = ImageDraw.Draw(sheet)
     for row, (order, images) in enumerate(rows):
         y = top + row * size
-        if row == 0 or rows[row - 1][0] != order:
-            _label(draw, left, y, size, order, first=row == 0)
         for column, image in enumerate(images):
             sheet.paste(image, (left + column * size, y))
+        if row == 0 or rows[row - 1][0] != order:
+            _label(draw, left, y, size, order)
+            draw.line([(size // 8, y), (sheet.width - size // 8, y)], fill=RULE)
     _legend(draw, sheet.width, top)
     return sheet
+
+
+def _columns(lengths: Sequence[int]) -> int:
+    """Tiles in a row, so that no row is nearly empty and the sheet is about twice as wide as high."""
+    longest = max(lengths)
+    rows_each = max(1, round(math.sqrt(longest / (LANDSCAPE * len(lengths)))))
+    return max(LEAST_COLUMNS, math.ceil(longest / rows_each))
 
 
 def _shaded(simulated: SimulatedObject) -> NDArray[np.uint8]:
@@ -82,8 +94,8 @@ def _shaded(simulated: SimulatedObject) -> NDArray[np.uint8]:
     gloss = np.clip(np.einsum("ij,ij->i", normals, halfway), 0, 1) ** 40
     kinds = np.array([KINDS.index(prototype.kind) for prototype in simulated.composition.prototypes])
     base = np.array([COLOURS[kind] for kind in KINDS])[kinds[labels]]
-    bright = (0.42 + 0.62 * diffuse) * (0.82 + 0.18 * facing)
-    colour = base * bright[:, None] + 255 * 0.22 * gloss[:, None]
+    bright = (0.62 + 0.46 * diffuse) * (0.72 + 0.28 * facing)
+    colour = base * bright[:, None] + 255 * 0.2 * gloss[:, None]
     return np.clip(colour, 0, 255).astype(np.uint8)
 
 
@@ -107,14 +119,10 @@ def _splat(
     image[rows.ravel(), columns.ravel()] = np.repeat(colours[far_first], disc.sum(), axis=0)
 
 
-def _label(draw: ImageDraw.ImageDraw, left: int, y: int, size: int, order: int, *, first: bool) -> None:
-    if not first:
-        draw.line([(left // 6, y), (left + 10**5, y)], fill=(222, 222, 218), width=1)
+def _label(draw: ImageDraw.ImageDraw, left: int, y: int, size: int, order: int) -> None:
     draw.text((left // 2, y + size * 0.5), str(order), font=ImageFont.load_default(size * 0.26), fill=INK, anchor="mm")
     name = "prototype" if order == 1 else "prototypes"
-    draw.text(
-        (left // 2, y + size * 0.68), name, font=ImageFont.load_default(size * 0.085), fill=(130, 134, 142), anchor="mm"
-    )
+    draw.text((left // 2, y + size * 0.68), name, font=ImageFont.load_default(size * 0.085), fill=PALE_INK, anchor="mm")
 
 
 def _legend(draw: ImageDraw.ImageDraw, right: int, height: int) -> None:
