@@ -11,13 +11,15 @@ from service.engine.concepts import Metric, features
 from service.engine.params import ResponseParams
 
 NEGLIGIBLE = 1e-9  # components of less than this share of the largest variance are rounding
+ALIKE = 1e-12  # variance below which all samples are alike, but for the rounding of float32
 
 
 def learn_metric(stimuli: csr_array, params: ResponseParams) -> Metric:
     """The Mahalanobis distance between stimuli vectors, from the covariance of the training objects' own.
 
     There are more dimensions than samples, so the covariance is that of the strongest components alone ("subspace"),
-    or a regularised full one: its diagonal, Ledoit and Wolf's shrinkage, or the identity.
+    or a regularised full one: its diagonal, Ledoit and Wolf's shrinkage, or the identity. Samples that are all alike
+    have none: the identity stands for it.
 
     Args:
         stimuli: (N, V) sparse, N at least 2.
@@ -29,7 +31,7 @@ def learn_metric(stimuli: csr_array, params: ResponseParams) -> Metric:
     limit = params.dimensions if params.metric == "subspace" else min(rows.shape[0] - 1, rows.shape[1])
     components, variance = _principal_components(rows, mean, max(limit, 1))
     residual = float("inf")
-    if params.metric in ("identity", "diagonal"):
+    if params.metric in ("identity", "diagonal") or variance[0] <= ALIKE:
         variance, residual = np.ones_like(variance), 1.0
     elif params.metric == "shrunk":
         variance, residual = _shrink(rows, mean, variance)
@@ -44,7 +46,7 @@ def _weights(stimuli: csr_array, params: ResponseParams) -> NDArray[np.float32]:
     rows = features(stimuli, weights, params.hellinger)
     mean = np.asarray(rows.mean(axis=0)).ravel()
     variance = np.asarray(rows.multiply(rows).mean(axis=0)).ravel() - mean**2
-    varies = variance > NEGLIGIBLE * variance.max()
+    varies = variance > max(NEGLIGIBLE * variance.max(), ALIKE)
     return np.where(varies, 1 / np.sqrt(np.where(varies, variance, 1.0)), 0.0).astype(np.float32)
 
 
@@ -84,5 +86,5 @@ def _shrink(
     off = (spread**2).sum() - dimensions * target**2
     noise = (np.sum(norms**2) / size - (spread**2).sum()) / size
     amount = float(np.clip(noise / off, 0, 1)) if off > 0 else 1.0
-    floor = max(amount * target, np.finfo(float).tiny)
+    floor = max(amount * target, NEGLIGIBLE * spread[0])  # of two samples nothing is shrunk
     return (1 - amount) * spread + floor, floor

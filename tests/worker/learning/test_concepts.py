@@ -104,14 +104,13 @@ def test_components_are_orthonormal_and_their_signs_told(kind: str, hellinger: b
 
 @pytest.mark.parametrize("kind", ["subspace", "diagonal", "shrunk", "identity"])
 @both_geometries
-def test_equal_samples_and_empty_ones_have_finite_distances(kind: str, hellinger: bool):
+def test_equal_samples_and_empty_ones_have_distances_of_some_size(kind: str, hellinger: bool):
     row = np.random.default_rng(0).random(6)
     for rows in ([row] * 4, [row, row, row, 0 * row], [0 * row] * 3, [row, 2 * row]):
         known = csr_array(np.array(rows, dtype=np.float32))
         metric = learn_metric(known, ResponseParams(metric=kind, hellinger=hellinger))
         asked = csr_array(np.array([row, 0 * row, row[::-1]], dtype=np.float32))
-        with np.errstate(over="ignore"):
-            assert not np.isnan(squared(metric, asked, known)).any()
+        assert (squared(metric, asked, known) < 1e12).all()
 
 
 def test_learning_twice_gives_the_same_bits():
