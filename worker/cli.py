@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -145,6 +146,56 @@ def train(
             f"Published {name}:{manifest.version} ({name}@{alias}): {counts['concepts']} concepts "
             f"from {counts['objects']} objects, at filtration time {manifest.epsilon_max:.2f}."
         )
+
+
+@main.command(
+    epilog=_epilog(
+        "evaluate --model default --labels scans/labels.csv --report report",
+        "evaluate --model default:3 --labels scans/labels.csv --report report --json",
+    )
+)
+@click.option("--model", required=True, metavar="NAME", help="NAME, NAME@ALIAS or NAME:VERSION.")
+@click.option(
+    "--labels",
+    required=True,
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="CSV with the columns file (relative to it) and category, and optionally group and source.",
+)
+@click.option(
+    "--report", required=True, metavar="DIR", type=click.Path(path_type=Path, file_okay=False), help="Folder."
+)
+@workers_option
+@json_option
+@store_option
+def evaluate(model: str, labels: Path, report: Path, workers: int, as_json: bool, store: str | None) -> None:
+    """Judges a model by labelled clouds, and writes report.json.
+
+    Labels judge, they never teach the model. Figures are balanced over labels, 1 is best. Clouds that the model
+    refuses are named and in no figure.
+    """
+    from joblib import parallel_config
+
+    from service.store import ModelStore
+    from worker import tables
+    from worker.evaluation.evaluate import evaluate as judge
+    from worker.evaluation.report import write_report
+    from worker.progress import watching
+
+    models = ModelStore(settings_of(store=store).store)
+    shape_model, manifest = models.load(*models.resolve(model))
+    called = ("evaluate", "--model", model, "--labels", str(labels), "--report", str(report))
+    command = shlex.join(["shape-concepts-worker", *called])
+    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+        judged = judge(shape_model, manifest, labels, command, watch.stage, watch.count)
+    file = write_report(judged, report)
+    for name, why in judged.data.unanswered.items():
+        click.echo(f"Unanswered: {name}: {why}", err=True)
+    if as_json:
+        click.echo(judged.model_dump_json())
+    else:
+        tables.show_report(judged)
+        click.echo(f"Wrote {file}.")
 
 
 @main.command(epilog=_epilog("run", "run --worker gpu-box-2 --workers 8"))
