@@ -7,6 +7,7 @@ The worker's side is `worker/jobs.py`.
 from __future__ import annotations
 
 import importlib
+import logging
 import re
 import sqlite3
 import uuid
@@ -31,6 +32,8 @@ APPLICATION = "shape-concepts"
 STEPS_VERSION = "1"  # of the steps a job consists of: another one waits for workers that know it
 QUEUE = "jobs"
 TRAIN: Final = "train"
+
+SILENCE = logging.NullHandler()
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 STATES: dict[str, State] = {
@@ -212,6 +215,7 @@ def engine() -> Any:
     Raises:
         JobsUnavailable: it is not installed.
     """
+    logging.getLogger("dbos").addHandler(SILENCE)  # its errors are raised, and said by whoever asked
     try:
         return importlib.import_module("dbos")
     except ImportError as error:

@@ -25,7 +25,19 @@ from dbos import error as dbos_error
 from joblib import parallel_config
 
 from service.engine.errors import InvalidParameter, JobNotFound, ShapeConceptsError
-from service.jobs import APPLICATION, QUEUE, STEPS_VERSION, TRAIN, Jobs, JobSpec, plain, prepare, reporting, sqlite_file
+from service.jobs import (
+    APPLICATION,
+    QUEUE,
+    SILENCE,
+    STEPS_VERSION,
+    TRAIN,
+    Jobs,
+    JobSpec,
+    plain,
+    prepare,
+    reporting,
+    sqlite_file,
+)
 from service.objects import Objects
 from service.settings import Settings, default_store
 from service.store import ModelStore
@@ -230,7 +242,7 @@ def _quiet_engine() -> None:
     """Lets the job engine log as we do, and leave to us what was foreseen."""
     logger = logging.getLogger("dbos")
     logger.setLevel(logging.WARNING)
-    logger.addHandler(logging.NullHandler())  # so that it adds none of its own
+    logger.addHandler(SILENCE)  # so that it adds no handler of its own
     logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], FORESEEN)))
 
 
