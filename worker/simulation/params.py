@@ -37,6 +37,9 @@ class PrototypeParams(_Frozen):
     def _ordered(self) -> Self:
         if self.longest < self.shortest:
             raise ValueError(f"longest ({self.longest:g} m) is less than shortest ({self.shortest:g} m)")
+        if self.overlap > self.shortest / 4:
+            # Two prototypes of the smallest size would have no pose that is both deep enough and exposed enough.
+            raise ValueError(f"overlap ({self.overlap:g} m) is more than a quarter of shortest ({self.shortest:g} m)")
         return self
 
 
