@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from tests.shapes import ball, look
+from worker.simulation import raycast, scene
+from worker.simulation.camera import DepthImage, draw_view
+from worker.simulation.compositions import compose
+from worker.simulation.params import CameraParams, PrototypeParams
+
+ROOT = Path(__file__).resolve().parents[3]
+KINECT = CameraParams()
+CHORD = PrototypeParams().chord
+
+
+def within_surfaces(image: DepthImage) -> np.ndarray:
+    """(H, W) pixels whose neighbours all see the same prototype: none of them is at a silhouette."""
+    return (minimum_filter(image.labels, 3) == maximum_filter(image.labels, 3)) & (image.labels >= 0)
+
+
+@pytest.mark.usefixtures("sapien")
+@pytest.mark.parametrize("seed", range(6))
+def test_sapien_and_ray_casting_see_the_same_depths(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    composition = compose(seed % 5 + 1, PrototypeParams(), rng)
+    view = draw_view(composition, KINECT, rng)
+    rendered = scene.render(composition, view, KINECT, CHORD)
+    cast = raycast.render(composition, view, KINECT, CHORD)
+    assert (rendered.labels == cast.labels).mean() > 0.9999
+    compared = within_surfaces(rendered) & within_surfaces(cast)
+    assert compared.sum() > 0.5 * (cast.labels >= 0).sum()
+    difference = (rendered.depth - cast.depth)[compared]
+    assert np.sqrt(np.mean(difference**2)) < 1e-5  # 0.01 mm
+    assert np.array_equal(rendered.depth > 0, rendered.labels >= 0)
+
+
+@pytest.mark.usefixtures("sapien")
+def test_a_picture_is_the_same_to_the_bit_whatever_was_rendered_before() -> None:
+    rng = np.random.default_rng(0)
+    one, other = (compose(order, PrototypeParams(), rng) for order in (5, 2))
+    view = look(30, 40, 0.9)
+    first = scene.render(one, view, KINECT, CHORD)
+    scene.render(other, view, KINECT, CHORD)
+    small = scene.render(one, view, CameraParams(width=64, height=48, focal=50), CHORD)
+    again = scene.render(one, view, KINECT, CHORD)
+    assert small.depth.shape == (48, 64)
+    assert np.array_equal(first.depth, again.depth)
+    assert np.array_equal(first.labels, again.labels)
+
+
+@pytest.mark.usefixtures("sapien")
+def test_what_was_rendered_is_gone_from_the_next_picture() -> None:
+    view = look(0, 90, 1.0)
+    big = scene.render(ball(0.2), view, KINECT, CHORD)
+    small = scene.render(ball(0.02), view, KINECT, CHORD)
+    assert (small.depth > 0).sum() < 0.02 * (big.depth > 0).sum()
+
+
+# Without a Vulkan driver. Each of these needs a process of its own: a driver is loaded once.
+
+
+def without_vulkan(*command: str) -> subprocess.CompletedProcess[str]:
+    nowhere = {"VK_ICD_FILENAMES": "/nonexistent.json", "VK_DRIVER_FILES": "/nonexistent.json"}
+    return subprocess.run(
+        [sys.executable, *command],
+        env={**os.environ, **nowhere, "PYTHONPATH": str(ROOT)},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def test_without_a_driver_simulation_is_refused_at_once_with_advice() -> None:
+    ended = without_vulkan("-c", "from worker.simulation import simulate; simulate(1, 0)")
+    assert ended.returncode == 1
+    said = ended.stderr.strip().splitlines()[-1]
+    assert "RendererUnavailable: SAPIEN" in said
+    assert "raycast" in said
+
+
+def test_without_a_driver_rendering_is_refused_too() -> None:
+    pytest.importorskip("sapien")
+    ended = without_vulkan("-m", "worker.simulation.scene")
+    assert ended.returncode == scene.CANNOT_RENDER
+    assert scene.REMEDY in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+def test_ray_casting_needs_neither_a_driver_nor_sapien() -> None:
+    program = (
+        "import sys; from worker.simulation import simulate;"
+        "(seen,) = simulate(1, 0, renderer='raycast');"
+        "print(len(seen.cloud.points) > 0, 'sapien' in sys.modules)"
+    )
+    ended = without_vulkan("-c", program)
+    assert ended.stdout.split() == ["True", "False"], ended.stderr
