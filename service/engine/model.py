@@ -153,4 +153,4 @@ class ShapeModel:
         Raises:
             ModelDamaged: tensors are missing, of the wrong kind, or do not fit together.
         """
-        return cls(params=params, **layout.from_tensors(tensors))
+        return cls(params=params, **layout.from_tensors(tensors, params))

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from service.engine.concepts import Metric
+from service.engine.concepts import Metric, concepts_at
 from service.engine.dictionary import Dictionary
 from service.engine.errors import ModelDamaged
 from service.engine.filtration import Filtration
 from service.engine.motifs import Ensemble, Hierarchy, Motif
+from service.engine.params import ModelParams
 from service.engine.prototypes import Prototypes
 from service.engine.space import TopologicalSpace
+from service.engine.tensor_kinds import Tensors, check_kinds
 
 if TYPE_CHECKING:
     from service.engine.model import ShapeModel
-
-Tensors = Mapping[str, NDArray[Any]]
 
 
 def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
@@ -63,33 +64,30 @@ def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
     return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
 
 
-def from_tensors(tensors: Tensors) -> dict[str, Any]:
-    """The parts of a model, by the names of `ShapeModel`'s attributes.
+def from_tensors(tensors: Tensors, params: ModelParams) -> dict[str, Any]:
+    """The parts of a model with these parameters, by the names of `ShapeModel`'s attributes.
 
     Raises:
         ModelDamaged: tensors are missing, of the wrong kind, or do not fit together.
     """
+    check_kinds(tensors, params)
     try:
-        parts = _parts(tensors)
-    except KeyError as missing:
-        raise ModelDamaged(f"The model has no tensor {missing}: it is incomplete, or not a shape model.") from missing
-    except (ValueError, IndexError, TypeError, UnicodeDecodeError) as error:
+        parts = _parts(tensors, params.dictionary.levels)
+    except (ValueError, UnicodeDecodeError) as error:
         raise ModelDamaged(f"The model's tensors do not fit together: {error}.") from error
-    _check(parts, np.asarray(tensors["concepts.assignment"]))
+    _check(parts, tensors, params)
     return parts
 
 
-def _parts(tensors: Tensors) -> dict[str, Any]:
-    levels = sum(name.startswith("dictionary.level_") for name in tensors)
+def _parts(tensors: Tensors, levels: int) -> dict[str, Any]:
     prototypes = tensors["ensemble.prototypes"]
     ensemble = Ensemble(
-        tuple(_hierarchy(tensors, f"hierarchy_{f}.", len(prototypes)) for f in range(1, levels + 1)),
+        tuple(_hierarchy(tensors, f, len(prototypes)) for f in range(1, levels + 1)),
         prototypes,
         tensors["ensemble.objects"],
     )
     data, indices, indptr = (tensors[f"stimuli.{name}"] for name in ("data", "indices", "indptr"))
-    stimuli = csr_array((data, indices, indptr), shape=(len(indptr) - 1, ensemble.vertex_count))
-    stimuli.check_format(full_check=True)
+    stimuli = _rows(data, indices, indptr, ensemble.vertex_count)
     filtration = {name: tensors[f"filtration.{name}"] for name in ("distance", "time", "order", "annexed", "annexing")}
     metric = {name: tensors[f"metric.{name}"] for name in ("weights", "mean", "components", "variance")}
     return {
@@ -113,51 +111,62 @@ def _parts(tensors: Tensors) -> dict[str, Any]:
     }
 
 
-def _check(parts: Mapping[str, Any], assignment: NDArray[np.int64]) -> None:
-    """Refuses arrays whose shapes or indices contradict each other.
+def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> None:
+    """Refuses numbers that contradict each other.
 
     Raises:
-        ModelDamaged: naming what does not fit.
+        ModelDamaged: naming what does not hold.
     """
     ensemble, metric, filtration, space = (parts[name] for name in ("ensemble", "metric", "filtration", "space"))
-    levels = parts["dictionary"].levels
     size, vertices = parts["stimuli"].shape
-    kept = len(metric.variance)
     rules: list[tuple[str, Callable[[], bool]]] = [
         ("there are at least 2 training objects", lambda: size >= 2),
-        ("there is a dictionary level", lambda: len(levels) >= 1),
-        ("level f has 2^f words", lambda: all(len(w) == 2 << f for f, w in enumerate(levels))),
-        ("words and prototypes have one dimension", lambda: _widths([*levels, ensemble.prototypes]) == 1),
-        ("every prototype has an object", lambda: _within(ensemble.objects, len(ensemble.prototypes), size)),
-        ("the tree has N - 1 edges", lambda: space.edges.shape == (size - 1, 2) and _inside(space.edges, size)),
-        ("every vertex has a heat", lambda: space.geodesic_sum.shape == (size,)),
-        ("every edge has a distance", lambda: space.distance.shape == (size - 1,)),
-        ("every edge has a time", lambda: filtration.time.shape == filtration.distance.shape == (size - 1,)),
-        ("every edge has a place", lambda: np.array_equal(np.sort(filtration.order), np.arange(size - 1))),
-        ("F joins the training objects", lambda: _within(filtration.annexed, size - 1, size)),
-        ("F joins the training objects", lambda: _within(filtration.annexing, size - 1, size)),
+        ("stimuli are positive", lambda: bool((parts["stimuli"].data > 0).all())),
+        ("every training object has a heat", lambda: len(space.geodesic_sum) == size),
+        ("the tree spans the training objects", lambda: _is_tree(space.edges.T, size)),
+        ("edges begin at their smaller end", lambda: bool((space.edges[:, 0] < space.edges[:, 1]).all())),
+        ("edges are in order", lambda: _in_order(space.edges)),
+        ("distances are not negative", lambda: space.distance.min() >= 0 and filtration.distance.min() >= 0),
+        ("heats are mean distances", lambda: np.array_equal(tensors["space.vertex_heat"], space.vertex_heat)),
+        ("times are in [0, 1]", lambda: filtration.time.min() >= 0 and filtration.time.max() <= 1),
+        ("every annexation has a place", lambda: np.array_equal(np.sort(filtration.order), np.arange(size - 1))),
+        ("F spans the training objects", lambda: _is_tree((filtration.annexed, filtration.annexing), size)),
         ("epsilon_max is a time", lambda: 0 <= filtration.epsilon_max <= 1),
-        ("the metric fits the stimuli", lambda: metric.components.shape == (kept, vertices)),
-        ("the metric fits the stimuli", lambda: metric.mean.shape == metric.weights.shape == (vertices,)),
-        ("variances are positive", lambda: bool((metric.variance > 0).all()) and metric.residual_variance > 0),
-        ("every object is a prototype", lambda: len(parts["prototypes"].cloud_keys) == size),
-        ("every prototype has a concept or none", lambda: assignment.shape == (size,)),
+        ("concepts are those of F", lambda: _same_concepts(filtration, tensors["concepts.assignment"])),
+        ("the metric fits the stimuli", lambda: len(metric.weights) == vertices and len(metric.variance) > 0),
+        ("variances are positive", lambda: metric.variance.min() > 0 and metric.residual_variance > 0),
+        ("the metric is the parameters'", lambda: int(tensors["metric.hellinger"][0]) == params.response.hellinger),
+        ("every motif prototype has an object", lambda: _inside(ensemble.objects, size)),
+        ("descriptions are not negative", lambda: ensemble.prototypes.min() >= 0),
+        ("motif vertices are unique", lambda: all(len(h.index) == len(h.vertices) for h in ensemble.hierarchies)),
+        ("every object has a key", lambda: len(parts["prototypes"].cloud_keys) == size),
+        ("every object has a hash", lambda: len(parts["prototypes"].cloud_hashes) == size),
     ]
     for rule, holds in rules:
         if not holds():
             raise ModelDamaged(f"The model's tensors contradict each other: it does not hold that {rule}.")
 
 
-def _widths(arrays: Sequence[NDArray[Any]]) -> int:
-    return len({array.shape[1:] for array in arrays})
-
-
 def _inside(index: NDArray[Any], size: int) -> bool:
     return len(index) == 0 or bool(index.min() >= 0 and index.max() < size)
 
 
-def _within(index: NDArray[Any], length: int, size: int) -> bool:
-    return index.shape == (length,) and _inside(index, size)
+def _in_order(pairs: NDArray[np.int64]) -> bool:
+    """Whether pairs stand in lexicographic order, each once."""
+    return bool(np.array_equal(pairs, np.unique(pairs, axis=0)))
+
+
+def _is_tree(ends: Sequence[NDArray[np.int64]], size: int) -> bool:
+    """Whether edges between these ends, one fewer than there are vertices, join them all."""
+    a, b = ends
+    if len(a) != size - 1 or not _inside(a, size) or not _inside(b, size):
+        return False
+    graph = csr_array((np.ones(len(a), np.int8), (a, b)), shape=(size, size))
+    return bool(connected_components(graph, directed=False)[0] == 1)
+
+
+def _same_concepts(filtration: Filtration, assignment: NDArray[np.int64]) -> bool:
+    return np.array_equal(concepts_at(filtration).assignment, assignment)
 
 
 def _of_hierarchy(hierarchy: Hierarchy) -> dict[str, NDArray[Any]]:
@@ -173,17 +182,47 @@ def _of_hierarchy(hierarchy: Hierarchy) -> dict[str, NDArray[Any]]:
     }
 
 
-def _hierarchy(tensors: Tensors, prefix: str, prototypes: int) -> Hierarchy:
-    level, words, ends = (tensors[prefix + name].tolist() for name in ("level", "words", "words_indptr"))
+def _hierarchy(tensors: Tensors, f: int, prototypes: int) -> Hierarchy:
+    """H_f.
+
+    Raises:
+        ValueError: its vertices, words or prototypes are not there.
+    """
+    level, words, ends, indices, indptr, edges, propagations = (
+        tensors[f"hierarchy_{f}.{name}"]
+        for name in (
+            "level", "words", "words_indptr", "prototypes_indices", "prototypes_indptr", "edges", "propagations",
+        )
+    )  # fmt: skip
+    size = len(level)
+    members = _rows(np.ones(len(indices), np.int8), indices, indptr, prototypes)
+    if size == 0 or np.diff(indptr).min() < 1:
+        raise ValueError(f"a motif vertex of hierarchy {f} has no prototype")
+    if ends[0] != 0 or ends[-1] != len(words) or np.diff(ends).min() < 1:
+        raise ValueError(f"a motif vertex of hierarchy {f} has no words")
+    if level.min() < 1 or not _inside(words, 2**f):
+        raise ValueError(f"hierarchy {f} has levels or words out of range")
+    for pairs, rise in ((edges, 0), (propagations, 1)):
+        if not _inside(pairs, size) or not _in_order(pairs) or (np.diff(level[pairs], axis=1) != rise).any():
+            raise ValueError(f"edges or propagations of hierarchy {f} join what they cannot join")
     motifs: tuple[Motif, ...] = tuple(
-        (number, tuple(words[a:b])) for number, (a, b) in zip(level, pairwise(ends), strict=True)
+        (number, tuple(words[a:b].tolist())) for number, (a, b) in zip(level.tolist(), pairwise(ends), strict=True)
     )
-    indices, indptr = tensors[prefix + "prototypes_indices"], tensors[prefix + "prototypes_indptr"]
-    members = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(len(motifs), prototypes))
-    members.check_format(full_check=True)
-    if len(motifs) == 0 or np.diff(members.indptr).min() < 1:
-        raise ValueError("a motif vertex has no prototype")
-    return Hierarchy(motifs, members, tensors[prefix + "edges"], tensors[prefix + "propagations"])
+    return Hierarchy(motifs, members, edges, propagations)
+
+
+def _rows(data: NDArray[Any], indices: NDArray[Any], indptr: NDArray[Any], columns: int) -> csr_array:
+    """A sparse matrix.
+
+    Raises:
+        ValueError: rows are not where they should be, or their columns do not ascend.
+    """
+    if len(indptr) < 1 or indptr[0] != 0 or indptr[-1] != len(indices) or (np.diff(indptr) < 0).any():
+        raise ValueError("the rows of a sparse matrix are not where they should be")
+    rows = csr_array((data, indices, indptr), shape=(len(indptr) - 1, columns))
+    if not _inside(indices, columns) or not rows.has_canonical_format:
+        raise ValueError("the columns of a sparse matrix are out of range or order")
+    return rows
 
 
 def _text(lines: Sequence[str]) -> NDArray[np.uint8]:
