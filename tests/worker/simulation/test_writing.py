@@ -47,6 +47,25 @@ def test_nothing_unfinished_is_left(folder: Path) -> None:
     assert len(list(folder.iterdir())) == 5 + 2
 
 
+def test_an_earlier_simulation_makes_way_and_foreign_files_stay(tmp_path: Path) -> None:
+    write(simulate(3, 2, renderer="raycast"), tmp_path)
+    (tmp_path / "mug.ply").write_bytes(b"of the user")
+    (tmp_path / ".0007-order3.ply.unfinished").write_bytes(b"cut off")
+    write(simulate(1, 3, renderer="raycast"), tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "0000-order1.ply",
+        COMPOSITIONS,
+        CONTACT_SHEET,
+        "mug.ply",
+    ]
+    assert list(json.loads((tmp_path / COMPOSITIONS).read_text())) == ["0000-order1.ply"]
+
+
+def test_no_object_leaves_no_picture(tmp_path: Path) -> None:
+    write([], tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == [COMPOSITIONS]
+
+
 def test_a_file_in_the_place_of_the_folder_is_an_error_that_names_it(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(OSError, match="taken"):
