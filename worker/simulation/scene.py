@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from worker.simulation.params import CameraParams
 
 NEAR, FAR = 0.01, 100.0  # metres
 CANNOT_RENDER = 69  # exit code of the trial: EX_UNAVAILABLE
+_ONE_AT_A_TIME = Lock()  # the scene is shared by the threads of a process
 REMEDY = (
     "Install a Vulkan driver: `mesa-vulkan-drivers` 24.3 or newer and `libvulkan1` render on the CPU "
     "(Debian 12: from bookworm-backports), or choose the renderer `raycast`."
@@ -36,7 +38,8 @@ def render(composition: Composition, view: View, params: CameraParams, chord: fl
     Raises:
         RendererUnavailable: SAPIEN is not installed or finds no rendering device.
     """
-    return _scene(params).render(composition, view, chord)
+    with _ONE_AT_A_TIME:
+        return _scene(params).render(composition, view, chord)
 
 
 @lru_cache(maxsize=1)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from tests.shapes import ball, look
 from worker.simulation import raycast, scene
 from worker.simulation.camera import DepthImage, draw_view
-from worker.simulation.compositions import compose
+from worker.simulation.compositions import Composition, compose
 from worker.simulation.params import CameraParams, PrototypeParams
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -61,6 +62,19 @@ def test_what_was_rendered_is_gone_from_the_next_picture() -> None:
     big = scene.render(ball(0.2), view, KINECT, CHORD)
     small = scene.render(ball(0.02), view, KINECT, CHORD)
     assert (small.depth > 0).sum() < 0.02 * (big.depth > 0).sum()
+
+
+@pytest.mark.usefixtures("sapien")
+def test_threads_may_render_at_once() -> None:
+    rng = np.random.default_rng(1)
+    compositions = [compose(order, PrototypeParams(), rng) for order in (1, 2, 3, 4, 5, 1, 2, 3)]
+
+    def depth(composition: Composition) -> np.ndarray:
+        return scene.render(composition, look(30, 40, 0.9), KINECT, CHORD).depth
+
+    alone = [depth(composition) for composition in compositions]
+    with ThreadPoolExecutor(4) as threads:
+        assert all(map(np.array_equal, alone, threads.map(depth, compositions)))
 
 
 # Without a Vulkan driver. Each of these needs a process of its own: a driver is loaded once.
