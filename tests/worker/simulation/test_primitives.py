@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from tests.worker.simulation.triangles import signed_distance, spread, volume
 from worker.simulation.params import PrototypeParams, SimulationParams
-from worker.simulation.primitives import Box, Cylinder, Mesh, Primitive, Sphere
+from worker.simulation.primitives import Box, Cylinder, Primitive, Sphere
 from worker.simulation.sensor import disparity_step
 
 CHORD = PrototypeParams().chord
@@ -13,17 +13,13 @@ PRIMITIVES = [Box(0.1, 0.05, 0.2), Cylinder(0.015, 0.2), Cylinder(0.1, 0.03), Sp
 every_primitive = pytest.mark.parametrize("primitive", PRIMITIVES, ids=str)
 
 
-def volume(primitive: Primitive) -> float:
+def true_volume(primitive: Primitive) -> float:
     if isinstance(primitive, Box):
         return primitive.length * primitive.width * primitive.height
     if isinstance(primitive, Cylinder):
         return np.pi * primitive.radius**2 * primitive.height
     assert isinstance(primitive, Sphere)
     return 4 / 3 * np.pi * primitive.radius**3
-
-
-def corners(mesh: Mesh) -> NDArray[np.float64]:
-    return mesh.vertices[mesh.triangles]  # (T, 3, 3)
 
 
 @every_primitive
@@ -36,16 +32,14 @@ def test_a_mesh_is_closed(primitive: Primitive) -> None:
 
 @every_primitive
 def test_a_mesh_faces_outward_and_has_the_volume_of_its_primitive(primitive: Primitive) -> None:
-    a, b, c = corners(primitive.mesh(1e-6)).transpose(1, 0, 2)
-    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(volume(primitive), rel=1e-3)
+    assert volume(primitive.mesh(1e-6)) == pytest.approx(true_volume(primitive), rel=1e-3)
 
 
 @every_primitive
 def test_a_mesh_is_nowhere_farther_than_the_chord_from_the_surface(primitive: Primitive) -> None:
     mesh = primitive.mesh(CHORD)
-    weights = np.random.default_rng(0).dirichlet(np.ones(3), size=(20, len(mesh.triangles)))
-    inside = np.einsum("stk,tkd->std", weights, corners(mesh)).reshape(-1, 3)
-    assert np.abs(primitive.signed_distance(inside)).max() <= CHORD
+    on_triangles = spread(mesh, 200_000, np.random.default_rng(0))
+    assert np.abs(primitive.signed_distance(on_triangles)).max() <= CHORD
     assert np.abs(primitive.signed_distance(mesh.vertices)).max() < 1e-12
 
 
@@ -59,23 +53,17 @@ def test_the_sensor_sees_no_facets() -> None:
 def test_the_surface_lies_on_the_surface_and_is_even(primitive: Primitive) -> None:
     points = primitive.surface()
     assert np.abs(primitive.signed_distance(points)).max() < 1e-12
-    a, b, c = corners(primitive.mesh(1e-5)).transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    middles = primitive.faces((a + b + c) / 3)
-    true = np.bincount(middles, weights=areas, minlength=primitive.face_count) / areas.sum()
-    assert np.bincount(primitive.faces(points), minlength=primitive.face_count) / len(points) == pytest.approx(
-        true, abs=0.01
+    by_chance = spread(primitive.mesh(1e-5), 100_000, np.random.default_rng(1))
+    shares, true_shares = (
+        np.bincount(primitive.faces(p), minlength=primitive.face_count) / len(p) for p in (points, by_chance)
     )
+    assert shares == pytest.approx(true_shares, abs=0.01)
 
 
 @every_primitive
 def test_the_signed_distance_is_the_distance_to_the_nearest_point_of_the_surface(primitive: Primitive) -> None:
-    points = np.random.default_rng(1).uniform(-0.3, 0.3, (200, 3))
-    distance = primitive.signed_distance(points)
-    outside = distance > 0
-    nearest = np.linalg.norm(points[outside, None] - primitive.surface(), axis=2).min(axis=1)
-    assert (nearest >= distance[outside] - 1e-12).all()
-    assert (nearest - distance[outside]).max() < 0.02
+    points = np.random.default_rng(1).uniform(-0.15, 0.15, (2000, 3))
+    assert primitive.signed_distance(points) == pytest.approx(signed_distance(primitive.mesh(1e-5), points), abs=2e-5)
 
 
 @every_primitive
