@@ -37,16 +37,34 @@ def test_views_are_even_over_the_sphere(lowest: float, mean: float) -> None:
     # The height of a point uniform on a sphere is uniform (Archimedes).
     assert upward.mean(axis=0) == pytest.approx([0, 0, mean], abs=0.05)
     assert np.quantile(upward[:, 2], 0.25) == pytest.approx((np.sin(np.radians(lowest)) + mean) / 2, abs=0.05)
+    quarters = np.bincount((np.arctan2(upward[:, 1], upward[:, 0]) // (np.pi / 2)).astype(int) + 2, minlength=4)
+    assert quarters == pytest.approx(500, abs=80)
 
 
-def test_the_whole_object_is_in_the_image() -> None:
+@pytest.mark.parametrize(
+    "camera",
+    [CAMERA, CameraParams(width=64, height=320), CameraParams(focal=100), CameraParams(focal=2000)],
+    ids=["kinect", "narrow", "wide-angle", "long"],
+)
+def test_the_whole_object_is_in_the_image(camera: CameraParams) -> None:
     rng = np.random.default_rng(2)
-    for _ in range(10):
+    for _ in range(6):
         composition = compose(5, PrototypeParams(), rng)
-        labels = render(composition, draw_view(composition, CAMERA, rng), CAMERA, 1e-3).labels
+        labels = render(composition, draw_view(composition, camera, rng), camera, 1e-3).labels
         border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
         assert (border == -1).all()
         assert (labels >= 0).any()
+
+
+def test_meshes_are_carried_into_the_cameras_frame_and_back() -> None:
+    rng = np.random.default_rng(3)
+    composition = compose(3, PrototypeParams(), rng)
+    view = draw_view(composition, CAMERA, rng)
+    for mesh, prototype in zip(view.meshes(composition, 1e-3), composition.prototypes, strict=True):
+        there = prototype.mesh(1e-3)
+        assert mesh.vertices[:, 2].min() > 0
+        assert np.array_equal(mesh.triangles, there.triangles)
+        assert view.to_composition(mesh.vertices) == pytest.approx(there.vertices, abs=1e-12)
 
 
 def test_rays_go_through_the_middles_of_pixels() -> None:

@@ -36,10 +36,12 @@ def test_a_mesh_faces_outward_and_has_the_volume_of_its_primitive(primitive: Pri
 
 
 @every_primitive
-def test_a_mesh_is_nowhere_farther_than_the_chord_from_the_surface(primitive: Primitive) -> None:
-    mesh = primitive.mesh(CHORD)
-    on_triangles = spread(mesh, 200_000, np.random.default_rng(0))
-    assert np.abs(primitive.signed_distance(on_triangles)).max() <= CHORD
+@pytest.mark.parametrize("chord", [1e-5, CHORD, 1e-3])
+def test_a_mesh_is_nowhere_farther_than_the_chord_from_the_surface(primitive: Primitive, chord: float) -> None:
+    mesh = primitive.mesh(chord)
+    middles_of_sides = (mesh.vertices[mesh.triangles] + mesh.vertices[np.roll(mesh.triangles, 1, axis=1)]) / 2
+    on_triangles = np.concatenate([middles_of_sides.reshape(-1, 3), spread(mesh, 50_000, np.random.default_rng(0))])
+    assert np.abs(primitive.signed_distance(on_triangles)).max() <= chord
     assert np.abs(primitive.signed_distance(mesh.vertices)).max() < 1e-12
 
 
