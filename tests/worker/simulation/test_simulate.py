@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from joblib import parallel_config
 from joblib.parallel import get_active_backend
-from joblib.parallel import get_active_backend
 
 from service.engine.errors import InvalidParameter
 from worker.simulation import SimulatedObject, SimulationParams, simulate
@@ -98,12 +97,6 @@ def test_objects_come_in_the_order_of_their_index_and_are_told_before_they_are_h
     ):
         assert simulated.index == place
         assert told == list(range(place + 1))
-
-
-def test_the_number_of_workers_is_not_imposed_on_what_is_done_with_the_objects() -> None:
-    before = get_active_backend()[1]
-    for _ in simulate(2, 0, params=SMALL, workers=before + 1):
-        assert get_active_backend()[1] == before
 
 
 def test_endless_simulations_can_be_begun() -> None:
