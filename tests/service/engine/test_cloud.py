@@ -203,6 +203,6 @@ def test_a_million_points_take_seconds_and_little_more_memory_than_they_are():
 
 def test_an_object_in_the_coordinates_of_a_map_is_told_to_state_its_viewpoint() -> None:
     points = np.random.default_rng(0).random((500, 3)) * 0.2
-    normalise(PointCloud((points + [0, 0, 500]).astype(np.float32)), CloudParams())
+    normalise(PointCloud((points + np.array([0, 0, 500])).astype(np.float32)), CloudParams())
     with pytest.raises(DistantCloud, match="state the viewpoint"):
-        normalise(PointCloud((points + [5e5, 4e6, 0]).astype(np.float32)), CloudParams())
+        normalise(PointCloud((points + np.array([5e5, 4e6, 0])).astype(np.float32)), CloudParams())
