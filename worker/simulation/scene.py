@@ -53,9 +53,10 @@ def unavailable() -> str | None:
     trial = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if trial.returncode == 0:
         return None
+    said = (trial.stderr.strip().splitlines() or ["no word"])[-1]
     if trial.returncode == CANNOT_RENDER:
-        return trial.stderr.strip().splitlines()[-1]
-    return f"SAPIEN cannot render here: its trial ended with code {trial.returncode}. {REMEDY}"
+        return said
+    return f"SAPIEN cannot render here: its trial ended with code {trial.returncode} ({said}). {REMEDY}"
 
 
 class _Scene:

@@ -109,6 +109,27 @@ def test_without_a_driver_rendering_is_refused_too() -> None:
     assert "Traceback" not in ended.stderr
 
 
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        ("raise ImportError('no libvulkan')", "cannot be loaded (no libvulkan)"),
+        ("raise ValueError('odd')", "ended with code 1 (ValueError: odd)"),
+        ("import os; os.abort()", "ended with code -6 "),
+    ],
+)
+def test_a_sapien_that_breaks_where_it_is_loaded_is_told_of(does: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "sapien.py").write_text(does)
+    ended = subprocess.run(
+        [sys.executable, "-c", "from worker.simulation import scene; print(scene.unavailable())"],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert said in ended.stdout
+    assert "raycast" in ended.stdout
+
+
 def test_ray_casting_needs_neither_a_driver_nor_sapien() -> None:
     program = (
         "import sys; from worker.simulation import simulate;"
