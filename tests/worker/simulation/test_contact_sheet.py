@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.shapes import ball, can, cube, look, see
+from service.engine.cloud import PointCloud
+from tests.shapes import ball, box, can, cube, look, see, stack
 from worker.simulation import SimulatedObject
 from worker.simulation.compositions import Composition
 from worker.simulation.contact_sheet import BACKGROUND, COLOURS, contact_sheet, draw_tile
@@ -54,6 +55,18 @@ def test_the_sides_of_a_box_are_told_apart_by_their_shade() -> None:
             shades.append(tile[tuple(at)])
     assert len(shades) == 3
     assert min(abs(a - b) for i, a in enumerate(shades) for b in shades[:i]) > 15
+
+
+def test_what_is_nearer_hides_what_is_farther() -> None:
+    solid, view = stack((ball(0.1), (0, 0, 0)), (box(0.08, 0.08, 0.02), (0, 0, 0.3))), look(0, 90, 1.2)
+    seen = see(solid, view)
+    # The ball's points once more, all of them, and last: the camera's own order must not decide.
+    far = see(ball(0.1), view)
+    cloud = PointCloud(np.concatenate([seen.cloud.points, far.cloud.points]))
+    labels, faces = (np.concatenate([a, b]) for a, b in ((seen.labels, far.labels), (seen.faces, far.faces)))
+    tile = pixels(draw_tile(SimulatedObject(0, cloud, solid, view, labels, faces), SIZE))
+    red, _, blue = tile[SIZE // 2, SIZE // 2]
+    assert blue > red, "the middle shows the ball, not the box before it"
 
 
 def test_a_sheet_has_a_row_or_more_for_each_order_from_above() -> None:

@@ -60,6 +60,7 @@ def test_the_surface_lies_on_the_surface_and_is_even(primitive: Primitive) -> No
         np.bincount(primitive.faces(p), minlength=primitive.face_count) / len(p) for p in (points, by_chance)
     )
     assert shares == pytest.approx(true_shares, abs=0.01)
+    assert (points**2).mean(axis=0) == pytest.approx((by_chance**2).mean(axis=0), rel=0.03)
 
 
 @every_primitive
