@@ -122,6 +122,7 @@ def test_a_sapien_that_breaks_where_it_is_loaded_is_told_of(does: str, said: str
     ended = subprocess.run(
         [sys.executable, "-c", "from worker.simulation import scene; print(scene.unavailable())"],
         env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         check=True,
