@@ -20,6 +20,7 @@ from service.engine.neighbours import touching
 from service.engine.params import CloudParams
 
 LATTICE_BITS = 21  # three coordinates of 21 bits fit one 63-bit key
+STRAY = 32.0  # median distances from the middle beyond which a point is no part of any object
 TRIM = 4.0  # points farther from the centre than this many median distances are outliers
 FARTHEST = 1e4  # extents; beyond, the steps of float32 coordinates approach a voxel
 LINE = 1e-4  # variance across, relative to the variance along, below which points are a line
@@ -102,7 +103,7 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
     Raises:
         InvalidCloud: one of its children, saying what is wrong with the cloud.
     """
-    points = _in_order(_checked(cloud, params))
+    points = _in_order(_without_strays(_checked(cloud, params)))
     centre, radius = _centre(points)
     _check_extent(2 * radius, params)
     _check_distance(float(np.linalg.norm(centre)), 2 * radius)
@@ -151,9 +152,19 @@ def _checked(cloud: PointCloud, params: CloudParams) -> NDArray[np.float64]:
             f"The cloud has {len(points)} points; at least {params.min_points} are needed. "
             "Move the sensor closer, or send the cloud at a higher resolution."
         )
-    if np.ptp(points, axis=0).max() == 0:
-        raise DegenerateCloud(f"All {len(points)} points of the cloud coincide: there is no surface to describe.")
     return points
+
+
+def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The points without those beyond all proportion, which would coarsen the lattice; medians know no order."""
+    distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    typical = np.median(distance)
+    if typical == 0:
+        raise DegenerateCloud(
+            f"{np.count_nonzero(distance == 0)} of the {len(points)} points of the cloud coincide: there is no surface "
+            "to describe."
+        )
+    return points[distance <= STRAY * typical]
 
 
 def _in_order(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,8 +206,8 @@ def _check_extent(extent: float, params: CloudParams) -> None:
 def _check_distance(distance: float, extent: float) -> None:
     if distance > FARTHEST * extent:
         raise DistantCloud(
-            f"The object, {extent:.3g} m across, would be {distance:.3g} m from the sensor, where its coordinates are too "
-            "coarse. If they are of a map or a robot's base, state the viewpoint from which the cloud was seen."
+            f"The object, {extent:.3g} m across, would be {distance:.3g} m from the sensor, where its coordinates "
+            "are too coarse. If they are of a map or a robot's base, state the viewpoint from which the cloud was seen."
         )
 
 

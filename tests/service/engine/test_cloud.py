@@ -206,3 +206,20 @@ def test_an_object_in_the_coordinates_of_a_map_is_told_to_state_its_viewpoint() 
     normalise(PointCloud((points + np.array([0, 0, 500])).astype(np.float32)), CloudParams())
     with pytest.raises(DistantCloud, match="state the viewpoint"):
         normalise(PointCloud((points + np.array([5e5, 4e6, 0])).astype(np.float32)), CloudParams())
+
+
+@pytest.mark.parametrize("distance", [10.0, 1e3, 1e5, 1e10, 1e30])
+def test_a_stray_return_changes_nothing_however_far_it_is(points: NDArray[np.float64], distance: float) -> None:
+    strayed = np.concatenate([points, [[distance, -distance, distance]]])
+    there, alone = normalise(cloud_of(strayed), PARAMS), normalise(cloud_of(points), PARAMS)
+    assert len(there.points) == len(alone.points)
+    assert np.abs(there.points - alone.points).max() < 1e-3
+    assert there.frame.extent == pytest.approx(alone.frame.extent, rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.6, 0.99])
+def test_a_cloud_of_which_most_points_coincide_is_told_so(share: float) -> None:
+    points = np.random.default_rng(0).random((1000, 3)) * 0.2 + [0, 0, 1]
+    points[: int(share * 1000)] = [0.1, 0.1, 1.1]
+    with pytest.raises(DegenerateCloud, match=f"{int(share * 1000)} of the 1000 points"):
+        normalise(cloud_of(points), PARAMS)
