@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from tests.learnt import learnt, perceived
 from tests.service.engine.seen import seen
-from tests.shapes import cube, look
+from tests.shapes import box, cube, look, stack
 from worker.learning.prototypes import draw_map, draw_thumbnail
 
 
@@ -32,16 +32,19 @@ def test_a_thumbnail_turns_with_the_camera():
     assert len(rows) > 20 < len(columns)
 
 
-def test_left_is_left_and_right_is_right():
-    """A cube turned a little: the face to the right of the edge is the one at +y, seen in half profile."""
-    here = seen(cube(0.15), look(60, 0, 0.9))
-    image = draw_thumbnail(here.graph).astype(float)
-    row = image[24][image[24] > 0]
-    to_camera = here.graph.frame.axes.T
-    right_part = here.graph.points @ to_camera[:, 0] > np.median(here.graph.points @ to_camera[:, 0])
-    normals = here.graph.normals @ to_camera
-    brighter_on_the_right = normals[right_part, 0].mean() > normals[~right_part, 0].mean()
-    assert brighter_on_the_right == (row[-5:].mean() > row[:5].mean())
+def test_left_is_left_up_is_up_and_the_light_comes_from_the_upper_right():
+    """A slab with a post on its right end: the camera looks along -x, so that +y is to its right and +z up."""
+    post = stack((box(0.1, 0.2, 0.05), (0, 0, 0)), (box(0.1, 0.05, 0.15), (0, 0.075, 0.1)))
+    image = draw_thumbnail(seen(post, look(0, 0, 0.9)).graph)
+    rows, columns = np.nonzero(image)
+    middle = (columns.min() + columns.max()) / 2
+    assert (columns[rows < rows.min() + 20] > middle).all()
+    assert (columns[rows > rows.max() - 4] < middle).any()
+    to_the_left, to_the_right = (draw_thumbnail(seen(cube(0.15), look(a, 0, 0.9)).graph) for a in (25, -25))
+    broad_face_to_the_left, broad_face_to_the_right = (
+        np.bincount(i[i > 0]).argmax() for i in (to_the_left, to_the_right)
+    )
+    assert broad_face_to_the_right > broad_face_to_the_left + 20
 
 
 def test_every_training_object_has_a_thumbnail_of_its_own():

@@ -88,6 +88,16 @@ def test_ties_are_broken_by_index(order: list[int]):
     check_heat(space)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_ties_are_broken_by_index_wherever_the_tree_grows(seed: int):
+    """Vectors of two equal entries: those that share both are 0 apart, those that share one all equally far."""
+    rng = np.random.default_rng(seed)
+    pairs = np.array([rng.choice(6, 2, replace=False) for _ in range(14)])
+    rows = np.zeros((14, 6), np.float32)
+    np.put_along_axis(rows, pairs, 1.0, axis=1)
+    assert list(map(tuple, build_space(csr_array(rows)).edges.tolist())) == kruskal(2 - rows @ rows.T)
+
+
 def test_duplicates_of_soft_vectors_are_no_distance_apart():
     rows = sparse(0, 6, fill=0.9).toarray()
     space = build_space(csr_array(np.concatenate([rows, rows, 3 * rows])))
