@@ -206,6 +206,8 @@ def test_every_example_of_the_help_runs(
         shutil.copy("good.ply", name)
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
+    if " jobs show " in example or " jobs cancel " in example:
+        run("jobs", "submit", "--simulate", "1000", "--name", "default", "--id", "nightly-2025-01-31")
     command, _, stdin = example.partition(" < ")
     if "--model" not in command and "respond" in command:
         command += " --model default"
