@@ -43,7 +43,7 @@ class Content(BaseModel):
 class Manifest(BaseModel):
     """How a model was made, and what its files must be."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str = Field(pattern=f"^{NAME}$", max_length=63, description="the model's name")
     version: int = Field(ge=1, description="counts up from 1; a published version never changes")
@@ -167,12 +167,14 @@ def read_manifest(data: bytes) -> Manifest:
     if facts.get("digest") != _digest(facts):
         raise ModelDamaged("The manifest was altered: its digest is not that of its content.")
     try:
-        return Manifest.model_validate(facts)
+        manifest = Manifest.model_validate(facts)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         reason = f"{place}: {first['msg']}"
         raise ModelIncompatible(f"The manifest says something this software does not know: {reason}.") from error
+    _check_understood(manifest, facts)
+    return manifest
 
 
 def sha256(data: bytes) -> str:
@@ -187,6 +189,38 @@ def foreign(data: bytes) -> str | None:
     if data[8:9] == b"{":  # safetensors, whose first eight bytes are a length and may look like anything
         return None
     return next((kind for magic, kind in FOREIGN.items() if data.startswith(magic)), None)
+
+
+def _check_understood(manifest: Manifest, facts: dict[str, Any]) -> None:
+    """Refuses a manifest of which something was filled in or changed in reading: it would answer as another model.
+
+    Args:
+        manifest: what was read.
+        facts: what the file says.
+
+    Raises:
+        ModelIncompatible: the file does not state parameters that this software has.
+        ModelDamaged: it says something in a way in which it is never written.
+    """
+    understood = manifest.model_dump(mode="json")
+    if unstated := _unstated(understood["params"], facts["params"]):
+        raise ModelIncompatible(
+            f"The model was published by an older version of this software: it does not state {', '.join(unstated)}, "
+            "and would answer otherwise with today's defaults. Use the software that published it, or train it anew."
+        )
+    if _digest(understood) != manifest.digest:
+        raise ModelDamaged("The manifest was altered: what it says does not give its digest again.")
+
+
+def _unstated(understood: dict[str, Any], stated: dict[str, Any], stage: str = "") -> list[str]:
+    """Dotted names of the parameters that were understood without being stated."""
+    missing: list[str] = []
+    for name, value in understood.items():
+        if name not in stated:
+            missing.append(f"{stage}{name}")
+        elif isinstance(value, dict):
+            missing += _unstated(value, stated[name], f"{stage}{name}.")
+    return missing
 
 
 def _digest(facts: dict[str, Any]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import pickle
 from datetime import UTC, datetime
+from functools import reduce
+from typing import Any
 
 import numpy as np
 import pytest
@@ -140,10 +142,37 @@ def test_what_is_no_manifest_is_refused(content: bytes) -> None:
         read_manifest(content)
 
 
-def test_a_manifest_with_unknown_parameters_is_refused_as_incompatible(manifest: Manifest) -> None:
-    facts = json.loads(write_manifest(manifest))
-    facts["params"]["later"] = 3
+def digested_anew(facts: dict[str, Any]) -> bytes:
+    """A manifest whose digest fits what it says, as other software would have published it."""
     lasting = {key: value for key, value in facts.items() if key not in VARYING}
-    facts["digest"] = sha256(json.dumps(lasting, sort_keys=True, separators=(",", ":")).encode())
-    with pytest.raises(ModelIncompatible, match="later"):
-        read_manifest(json.dumps(facts).encode())
+    digest = sha256(json.dumps(lasting, sort_keys=True, separators=(",", ":")).encode())
+    return json.dumps(facts | {"digest": digest}).encode()
+
+
+@pytest.mark.parametrize("place", [(), ("params",), ("params", "stimuli")])
+def test_a_manifest_that_says_something_unknown_is_refused_as_incompatible(
+    manifest: Manifest, place: tuple[str, ...]
+) -> None:
+    facts = json.loads(write_manifest(manifest))
+    reduce(dict.__getitem__, place, facts)["later"] = 3
+    with pytest.raises(ModelIncompatible, match=r"\.".join((*place, "later"))):
+        read_manifest(digested_anew(facts))
+
+
+def test_a_manifest_without_one_of_todays_parameters_is_refused_as_incompatible(manifest: Manifest) -> None:
+    for stage, params in manifest.params.model_dump().items():
+        for name in params:
+            facts = json.loads(write_manifest(manifest))
+            del facts["params"][stage][name]
+            with pytest.raises(ModelIncompatible, match=rf"older version.* {stage}\.{name},"):
+                read_manifest(digested_anew(facts))
+        facts = json.loads(write_manifest(manifest))
+        del facts["params"][stage]
+        with pytest.raises(ModelIncompatible, match=rf"older version.* {stage},"):
+            read_manifest(digested_anew(facts))
+
+
+def test_a_manifest_that_is_not_understood_as_it_is_written_is_refused(manifest: Manifest) -> None:
+    facts = json.loads(write_manifest(manifest)) | {"seed": str(manifest.seed)}
+    with pytest.raises(ModelDamaged, match="digest"):
+        read_manifest(digested_anew(facts))
