@@ -19,7 +19,7 @@ from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.model_file import Manifest
-from service.pool import Pool
+from service.pool import Intake, Pool
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 
@@ -69,6 +69,7 @@ class Application:
         self.settings = settings
         self.store = ModelStore(settings.store)
         self.pool = Pool(settings.workers, settings.queue)
+        self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
         self._loaded: OrderedDict[tuple[str, int], ShapeModel] = OrderedDict()
         self._loading = threading.Lock()

@@ -1,4 +1,4 @@
-"""The bounded pool on which clouds are answered, and the limit on how many may wait for it."""
+"""The bounded pool on which clouds are answered, and the limits on what may wait for it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,52 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+class Intake:
+    """The limit on the bytes of all requests together: while they arrive, wait for the pool, and are worked on.
+
+    Only bytes that have arrived count, so a request that stands open without sending anything takes nothing away.
+
+    Args:
+        limit: bytes.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self._held = 0
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def opened(self) -> Iterator[Callable[[int], None]]:
+        """Yields what is to be told the number of bytes that arrive; at the end they are free again.
+
+        Raises:
+            Overloaded: by what is told, when these bytes are too many; at once, without waiting.
+        """
+        mine = 0
+
+        def take(count: int) -> None:
+            nonlocal mine
+            with self._lock:
+                if self._held + count > self.limit:
+                    raise Overloaded(
+                        f"The requests at work and waiting fill the {self.limit} bytes that they may; try again in a "
+                        "second."
+                    )
+                self._held += count
+                mine += count
+
+        try:
+            yield take
+        finally:
+            with self._lock:
+                self._held -= mine
+
+
 class Pool:
     """Threads for work on the CPU, away from the event loop.
 
-    Whoever wants work done first asks to be admitted, before a body is received: so no more bodies are ever in
-    memory than there are threads and places in the queue.
+    Whoever wants work done first asks to be admitted, once all that the work needs is there: a client who is slow to
+    send its cloud keeps no other from its answer.
 
     Args:
         workers: threads.

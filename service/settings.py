@@ -58,7 +58,14 @@ class Settings(BaseSettings):
     )
     queue: int = Field(32, ge=0, description="requests that may wait for a worker before others are refused, requests")
     max_body: int = Field(128 * MEBIBYTE, ge=1024, description="largest request body, bytes")
+    max_bodies: int = Field(
+        512 * MEBIBYTE,
+        ge=1024,
+        description="bytes of all requests' bodies in memory, arriving, waiting or at work; one of max_body is always "
+        "taken, bytes",
+    )
     body_timeout: float = Field(60.0, gt=0, description="longest time a request's body may take to arrive, seconds")
+    body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
     loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

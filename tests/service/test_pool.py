@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from service.engine.errors import Overloaded
-from service.pool import Pool
+from service.pool import Intake, Pool
 
 
 def test_one_too_many_is_refused_at_once_and_admitted_later() -> None:
@@ -46,3 +47,30 @@ def test_the_event_loop_goes_on_while_work_is_done() -> None:
 
     assert asyncio.run(work_and_release())
     pool.close()
+
+
+def test_an_intake_counts_what_has_arrived_until_its_request_ends() -> None:
+    intake = Intake(10)
+    with intake.opened() as first, intake.opened() as second, intake.opened():
+        first(6)
+        with pytest.raises(Overloaded, match="10 bytes"):
+            second(5)
+        second(4)
+        with pytest.raises(Overloaded):
+            first(1)
+    with intake.opened() as later:
+        later(10)
+
+
+def test_an_intake_of_many_threads_ends_empty() -> None:
+    intake = Intake(1000)
+
+    def receive(_: int) -> None:
+        with intake.opened() as take:
+            for _ in range(100):
+                take(1)
+
+    with ThreadPoolExecutor(8) as threads:
+        list(threads.map(receive, range(80)))
+    with intake.opened() as take:
+        take(1000)

@@ -3,25 +3,42 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from typing import NamedTuple
 
 from fastapi import Request
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.types import Message
 
 from service.clouds import by_media_type
-from service.engine.errors import UnreadableCloud
+from service.engine.errors import Cancelled, UnreadableCloud
 
 FIELD = "cloud"
 
 
-async def receive_cloud(request: Request, max_bytes: int, timeout: float) -> tuple[bytes, str | None, str]:
+class Limits(NamedTuple):
+    """What a body may be.
+
+    Attributes:
+        max_bytes: size of the whole; enforced while it arrives.
+        timeout: longest time it may take to arrive, seconds.
+        pause: longest time in which nothing of it arrives, seconds.
+    """
+
+    max_bytes: int
+    timeout: float
+    pause: float
+
+
+async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], None]) -> tuple[bytes, str | None, str]:
     """Receives the file of a request.
 
     Args:
         request: with the file as its body, or with a form that has it in the field `cloud`.
-        max_bytes: limit on the whole body; it is enforced while the body arrives.
-        timeout: limit on the time that takes, seconds.
+        limits: on the body.
+        take: called with the number of bytes as they arrive; may raise `Overloaded`.
 
     Returns:
         The file's bytes, its format (None where the content has to tell), and its name ("" for none).
@@ -29,20 +46,23 @@ async def receive_cloud(request: Request, max_bytes: int, timeout: float) -> tup
     Raises:
         UnsupportedFormat: the media type is not that of a cloud.
         UnreadableCloud: the form is malformed or has no such field.
+        Cancelled: the client hung up.
         HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
     """
     media_type = request.headers.get("content-type", "")
     form = media_type.partition(";")[0].strip().lower() == "multipart/form-data"
     format = None if form else by_media_type(media_type)
-    _check_announced(request, max_bytes)
-    limited = Request(request.scope, _Limited(request, max_bytes))
+    _check_announced(request, limits.max_bytes)
+    limited = Request(request.scope, _Limited(request, limits, take))
     try:
-        async with asyncio.timeout(timeout):
+        async with asyncio.timeout(limits.timeout):
             if form:
                 return await _from_form(limited)
             return await limited.body(), format, ""
     except TimeoutError:
-        raise HTTPException(408, f"The body did not arrive within {timeout:g} seconds.") from None
+        raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
+    except ClientDisconnect:
+        raise Cancelled("The client hung up before its cloud had arrived.") from None
 
 
 async def _from_form(request: Request) -> tuple[bytes, str | None, str]:
@@ -71,15 +91,24 @@ def _too_large(max_bytes: int) -> HTTPException:
 
 
 class _Limited:
-    """Receives the body of a request until it grows too large."""
+    """Receives the body of a request until it grows too large or stands still."""
 
-    def __init__(self, request: Request, max_bytes: int) -> None:
+    def __init__(self, request: Request, limits: Limits, take: Callable[[int], None]) -> None:
         self._receive = request.receive
-        self._left = self._max_bytes = max_bytes
+        self._limits = limits
+        self._left = limits.max_bytes
+        self._take = take
 
     async def __call__(self) -> Message:
-        message = await self._receive()
-        self._left -= len(message.get("body", b""))
+        try:
+            async with asyncio.timeout(self._limits.pause):
+                message = await self._receive()
+        except TimeoutError:
+            detail = f"Nothing of the body arrived for {self._limits.pause:g} seconds; send it at one go."
+            raise HTTPException(408, detail) from None
+        size = len(message.get("body", b""))
+        self._left -= size
         if self._left < 0:
-            raise _too_large(self._max_bytes)
+            raise _too_large(self._limits.max_bytes)
+        self._take(size)
         return message

@@ -15,7 +15,7 @@ from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.engine.errors import InvalidParameter, ShapeConceptsError
+from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
 from service.transports import errors
 from service.transports.rest import examples
 
@@ -124,6 +124,8 @@ async def _ours(request: Request, error: Exception) -> Response:
     document = errors.problem_of(error, request.state.id)
     if status.http >= 500:
         log.error("%s %s: %s: %s", request.state.id, request.url.path, error.type_name(), error)
+    elif isinstance(error, Cancelled):
+        log.info("%s %s: %s", request.state.id, request.url.path, error)
     return _answer(document, {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {})
 
 

@@ -10,7 +10,7 @@ from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS
 from service.transports.rest import examples
-from service.transports.rest.bodies import FIELD, receive_cloud
+from service.transports.rest.bodies import FIELD, Limits, receive_cloud
 from service.transports.rest.problems import documented
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
@@ -34,7 +34,8 @@ _BODY = {
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"])
-    limits = application.settings
+    settings = application.settings
+    limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
 
     @routes.post(
         "/responses",
@@ -70,17 +71,18 @@ def router(application: Application) -> APIRouter:
     ) -> Answer:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
         pose = parse_viewpoint(viewpoint) if viewpoint else None
-        with application.pool.admitted():
-            data, format, name = await receive_cloud(request, limits.max_body, limits.body_timeout)
-            return await application.pool.run(
-                application.respond,
-                CloudFile(data, format, name, unit, pose),
-                model=model,
-                version=version,
-                alias=alias,
-                time=time,
-                top=top,
-                stimuli=stimuli,
-            )
+        with application.intake.opened() as take:
+            data, format, name = await receive_cloud(request, limits, take)
+            with application.pool.admitted():
+                return await application.pool.run(
+                    application.respond,
+                    CloudFile(data, format, name, unit, pose),
+                    model=model,
+                    version=version,
+                    alias=alias,
+                    time=time,
+                    top=top,
+                    stimuli=stimuli,
+                )
 
     return routes

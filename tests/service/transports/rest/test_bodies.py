@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import select
 import socket
 import time
+from contextlib import ExitStack
 
 import httpx
 import pytest
@@ -59,8 +61,60 @@ class TestWithLittlePatience:
             assert 0.2 < time.monotonic() - began < 5
         assert client.post("/v1/responses", content=b"").status_code == 422
 
-    def test_a_client_who_leaves_gives_its_place_to_others(self, client: httpx.Client) -> None:
+
+class TestWithoutPatienceForPauses:
+    @pytest.fixture
+    def settings(self, settings: Settings) -> Settings:
+        return settings.model_copy(update={"body_pause": 0.5})
+
+    def test_a_body_may_come_slowly_but_not_stand_still(self, client: httpx.Client) -> None:
         with connect(client) as wire:
-            wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 100") + b"1 2 3")
+            wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 100"))
+            for _ in range(4):
+                time.sleep(0.2)
+                wire.sendall(b"1 2 3\n")
+                assert not select.select([wire], [], [], 0)[0]
+            assert b"408" in wire.recv(65536).partition(b"\r\n")[0]
+
+
+class TestWithFewPlaces:
+    @pytest.fixture
+    def settings(self, settings: Settings) -> Settings:
+        return settings.model_copy(update={"workers": 1, "queue": 0, "max_body": 2**16, "max_bodies": 2**17})
+
+    def test_bodies_that_stand_half_sent_keep_nobody_from_an_answer(self, client: httpx.Client) -> None:
+        with ExitStack() as stack:
+            for _ in range(20):
+                wire = stack.enter_context(connect(client))
+                wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 65000") + b"1 2 3\n")
+            for _ in range(3):
+                assert client.post("/v1/responses", content=b"1 2 3\n").json()["type"].endswith("too-few-points")
+
+    def test_no_more_bytes_are_held_than_the_limit_says(self, client: httpx.Client, application: Application) -> None:
+        with ExitStack() as stack:
+            for _ in range(3):
+                wire = stack.enter_context(connect(client))
+                wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 65536") + b" " * 60_000)
+            assert b"429" in wire.recv(65536).partition(b"\r\n")[0]
+            refused = client.post("/v1/responses", content=b"1 2 3\n" * 10_000)
+            assert (refused.status_code, refused.json()["type"]) == (429, "urn:shape-concepts:error:overloaded")
+            assert client.post("/v1/responses", content=b"1 2 3\n").status_code == 422
         time.sleep(0.2)
-        assert client.post("/v1/responses", content=b"").status_code == 422
+        assert client.post("/v1/responses", content=b"1 2 3\n" * 10_000).json()["status"] == 422
+
+
+@pytest.mark.parametrize("media_type", [b"application/octet-stream", b"multipart/form-data; boundary=x"])
+def test_a_client_who_hangs_up_is_no_fault_of_ours(
+    client: httpx.Client, caplog: pytest.LogCaptureFixture, media_type: bytes
+) -> None:
+    with caplog.at_level(logging.INFO):
+        with connect(client) as wire:
+            wire.sendall(HEAD % (media_type, b"Content-Length: 100") + b"--x\r\n")
+            time.sleep(0.1)
+        began = time.monotonic()
+        while "hung up" not in caplog.text and time.monotonic() - began < 5:
+            time.sleep(0.01)
+    (said,) = [record for record in caplog.records if "hung up" in record.message]
+    assert said.levelno == logging.INFO
+    assert max(record.levelno for record in caplog.records) == logging.INFO
+    assert "Traceback" not in caplog.text
