@@ -56,6 +56,11 @@ class Manifest(BaseModel):
     counts: dict[str, int | list[int]] = Field(
         description="how many prototypes, concepts, motif vertices and the like it holds"
     )
+    stimuli_fill: float = Field(description="share of the training stimuli above the cut-off, in [0, 1]")
+    filtration_step: float = Field(
+        description="step of the filtration times, in [0, 1]: annexation times are its multiples, rounded up, the last "
+        "one cut off at 1"
+    )
     epsilon_max: float = Field(description="filtration time of most annexations, in [0, 1]")
     notes: list[str] = Field(description="what is unusual about this model, in sentences")
     contents: dict[str, Content] = Field(description="files of the model and their hashes")

@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any, cast
@@ -110,8 +110,9 @@ class Objects:
         if self._folder is None or not self._folder.is_dir():
             return
         for path in self._folder.rglob("*#*"):
-            if re.search(r"#\d+$", path.name) and time.time() - path.stat().st_mtime > STALE:
-                path.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # its writer has just finished
+                if re.search(r"#\d+$", path.name) and time.time() - path.stat().st_mtime > STALE:
+                    path.unlink()
 
     def _readable(self) -> ObjectStore | None:
         """The store, or None for a folder that does not exist yet."""

@@ -46,3 +46,14 @@ def barcode(filtration: Filtration) -> NDArray[np.float64]:
     """The bars of H_0 (N, 2): births are 0; deaths the sorted annexation times, the last one infinite."""
     deaths = np.append(np.sort(filtration.time), np.inf)
     return np.stack([np.zeros(len(deaths)), deaths], axis=1)
+
+
+def time_step(distance: NDArray[np.float64], max_steps: int) -> float:
+    """The step of the filtration times: the smallest edge distance, or larger, over the span of the distances.
+
+    Args:
+        distance: (N - 1,) of all edges.
+        max_steps: upper bound on the number of steps.
+    """
+    span = float(np.ptp(distance))
+    return max(float(distance.min()) / span, 1 / max_steps) if span > 0 else 1.0

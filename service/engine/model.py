@@ -13,9 +13,10 @@ from scipy.sparse import csr_array
 
 from service.engine import tensors as layout
 from service.engine.cloud import PointCloud
-from service.engine.concepts import Concepts, Metric, concepts_at, respond_to_concepts
+from service.engine.concepts import Concepts, concepts_at, respond_to_concepts
 from service.engine.dictionary import Dictionary
-from service.engine.filtration import Filtration
+from service.engine.filtration import Filtration, time_step
+from service.engine.metric import Metric
 from service.engine.motifs import Ensemble
 from service.engine.params import ModelParams
 from service.engine.perception import OnStage, ignore_stage, perceive
@@ -138,6 +139,8 @@ class ShapeModel:
                 "motif_vertices_of_hierarchies": levels,
                 "concepts": len(self.concepts().sizes),
             },
+            "stimuli_fill": self.stimuli.nnz / (self.stimuli.shape[0] * self.stimuli.shape[1]),
+            "filtration_step": time_step(self.filtration.distance, self.params.filtration.max_steps),
             "epsilon_max": self.filtration.epsilon_max,
             "notes": list(self.notes),
         }

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from service.engine.concepts import Metric, concepts_at
+from service.engine.concepts import concepts_at
 from service.engine.dictionary import Dictionary
 from service.engine.errors import ModelDamaged
 from service.engine.filtration import Filtration
+from service.engine.metric import Metric
 from service.engine.motifs import Ensemble, Hierarchy, Motif
 from service.engine.params import ModelParams
 from service.engine.prototypes import Prototypes

@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from service.engine.concepts import concepts_at
 from service.engine.filtration import Filtration, annexations_over_time
 from service.engine.params import FiltrationParams
 from service.engine.space import TopologicalSpace
 
 
-class FiltrationResult(NamedTuple):
-    """A filtration, and what the rule for degenerate outcomes had to say."""
-
-    filtration: Filtration
-    notes: tuple[str, ...]
-
-
-def filtrate(space: TopologicalSpace, params: FiltrationParams) -> FiltrationResult:
+def filtrate(space: TopologicalSpace, params: FiltrationParams) -> Filtration:
     """Grows nested radii over the space and records which component annexes which, and when.
 
     The radii run from the smallest to the largest edge distance in steps of the smallest, or larger ones where more
     than `max_steps` would be needed. Components merge in the order of (distance, edge); the larger one sustains, of
-    equal ones that with the smaller representative.
+    equal ones that with the smaller representative. epsilon_max is the time of most annexations, of tied ones the
+    earliest.
     """
     distance, time = _edge_distances(space.geodesic_sum, space.edges, params.max_steps)
     order = np.lexsort((space.edges[:, 1], space.edges[:, 0], distance))
@@ -35,7 +27,8 @@ def filtrate(space: TopologicalSpace, params: FiltrationParams) -> FiltrationRes
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     filtration = Filtration(distance, time, rank, annexed, annexing, epsilon_max=0.0)
-    return _with_epsilon_max(filtration)
+    times, counts = annexations_over_time(filtration)
+    return replace(filtration, epsilon_max=float(times[counts.argmax()]))
 
 
 def _edge_distances(
@@ -82,28 +75,3 @@ def _annex(edges: NDArray[np.int64], order: NDArray[np.int64]) -> tuple[NDArray[
         weight[a] += weight[b]
         annexed[e], annexing[e] = b, a
     return annexed, annexing
-
-
-def _with_epsilon_max(filtration: Filtration) -> FiltrationResult:
-    """Sets epsilon_max: the time of most annexations, of tied ones the earliest.
-
-    Where that is so late that a single concept holds every prototype, the time of most annexations among those with
-    at least two concepts is taken instead, if there is one.
-    """
-    times, counts = annexations_over_time(filtration)
-    by_count = times[np.lexsort((times, -counts))]
-    most = float(by_count[0])
-    if len(times) == 1 or _tells_apart(filtration, most):
-        return FiltrationResult(replace(filtration, epsilon_max=most), ())
-    for time in by_count[1:].tolist():
-        if len(concepts_at(filtration, time).sizes) >= 2:
-            note = f"most annexations at time {most:g}, where one concept holds all: epsilon_max is {time:g} instead"
-            return FiltrationResult(replace(filtration, epsilon_max=time), (note,))
-    note = f"no filtration time has two concepts; epsilon_max is {most:g}"
-    return FiltrationResult(replace(filtration, epsilon_max=most), (note,))
-
-
-def _tells_apart(filtration: Filtration, time: float) -> bool:
-    """Whether not all prototypes are in one concept."""
-    sizes = concepts_at(filtration, time).sizes
-    return len(sizes) != 1 or int(sizes[0]) < len(filtration.time) + 1

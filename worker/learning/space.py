@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from service.engine.divergence import sparse_jsd
 from service.engine.space import TopologicalSpace
-from service.engine.stimuli import LN2
 
 
 def build_space(stimuli: csr_array) -> TopologicalSpace:
@@ -57,7 +57,7 @@ def _prim(
         for i in range(size):
             if not outside[i]:
                 continue
-            d = _jsd(dense, indptr[newest + 1] > indptr[newest], indices, data, indptr[i], indptr[i + 1])
+            d = sparse_jsd(dense, indptr[newest + 1] > indptr[newest], indices, data, indptr[i], indptr[i + 1])
             if d < best[i] or (d == best[i] and _before(newest, i, parent[i], i)):
                 best[i], parent[i] = d, newest
             if (
@@ -80,21 +80,6 @@ def _before(a: int, b: int, c: int, d: int) -> bool:
     """Whether the edge a-b stands before c-d."""
     low, high = min(a, b), max(a, b)
     return low < min(c, d) or (low == min(c, d) and high < max(c, d))
-
-
-@njit(cache=True, nogil=True)
-def _jsd(
-    p: NDArray[np.float64], filled: bool, indices: NDArray[np.int64], data: NDArray[np.float64], start: int, stop: int
-) -> float:
-    """JSD(p, q) = ln 2 - 1/2 sum over the shared support of [p ln((p + q) / p) + q ln((p + q) / q)], nats."""
-    if not filled and start == stop:
-        return 0.0
-    shared = 0.0
-    for k in range(start, stop):
-        a, b = p[indices[k]], data[k]
-        if a > 0.0 and b > 0.0:
-            shared += a * np.log((a + b) / a) + b * np.log((a + b) / b)
-    return max(LN2 - 0.5 * shared, 0.0)
 
 
 @njit(cache=True, nogil=True)

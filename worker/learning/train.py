@@ -18,10 +18,11 @@ from service.engine.params import ModelParams, StimuliParams
 from service.engine.perception import OnStage, ignore_stage
 from service.engine.prototypes import Prototypes
 from service.engine.stimuli import Stimuli, stimulate
-from worker.learning.concepts import learn_metric
+from worker.learning.concepts import extract_concepts
 from worker.learning.dictionary import learn_dictionary
 from worker.learning.filtration import filtrate
 from worker.learning.hierarchy import grow_ensemble
+from worker.learning.metric import learn_metric
 from worker.learning.observations import NamedCloud, Observation, Refusal, observe
 from worker.learning.prototypes import draw_map
 from worker.learning.space import build_space
@@ -70,9 +71,12 @@ def train(
         space = build_space(stimuli)
 
         on_stage("filtration")
-        filtration, notes = filtrate(space, params.filtration)
+        filtration = filtrate(space, params.filtration)
 
         on_stage("concepts")
+        filtration, notes = extract_concepts(filtration)
+
+        on_stage("metric")
         metric = learn_metric(stimuli, params.response)
 
         on_stage("map")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from service.engine.concepts import Concepts, Metric, concepts_at, respond_to_concepts
+from service.engine.concepts import Concepts, concepts_at, respond_to_concepts
 from service.engine.errors import InvalidParameter
 from service.engine.filtration import Filtration
+from service.engine.metric import Metric
 from service.engine.params import ResponseParams
 from service.engine.stimuli import Stimuli
 

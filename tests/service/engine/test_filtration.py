@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from service.engine.filtration import Filtration, annexations_over_time, barcode
+from service.engine.filtration import Filtration, annexations_over_time, barcode, time_step
 
 FILTRATION = Filtration(
     distance=np.array([0.4, 0.1, 0.9, 0.1]),
@@ -24,3 +25,9 @@ def test_annexations_are_counted_at_each_time_that_saw_any():
 
 def test_all_bars_begin_at_0_and_one_never_ends():
     assert barcode(FILTRATION).tolist() == [[0, 0], [0, 0], [0, 0.5], [0, 1.0], [0, np.inf]]
+
+
+def test_the_step_is_the_smallest_distance_unless_there_were_too_many():
+    assert time_step(FILTRATION.distance, 100) == pytest.approx(0.1 / 0.8)
+    assert time_step(FILTRATION.distance, 4) == pytest.approx(1 / 4)
+    assert time_step(np.array([0.3, 0.3]), 100) == 1

@@ -14,9 +14,14 @@ from service.engine.filtration import Filtration, annexations_over_time, barcode
 from service.engine.params import FiltrationParams
 from service.engine.space import TopologicalSpace
 from tests.learnt import learnt
+from worker.learning.concepts import Extraction, extract_concepts
 from worker.learning.filtration import filtrate
 
 PARAMS = FiltrationParams()
+
+
+def filtrated(space: TopologicalSpace, params: FiltrationParams) -> Extraction:
+    return extract_concepts(filtrate(space, params))
 
 
 def space_of(edges: list[tuple[int, int]]) -> TopologicalSpace:
@@ -65,12 +70,12 @@ def edge_distances(space: TopologicalSpace) -> NDArray[np.float64]:
 def test_edges_are_as_far_as_their_heat(tree: str):
     space = TREES[tree]
     if np.ptp(space.vertex_heat) > 0:
-        assert np.allclose(filtrate(space, PARAMS).filtration.distance, edge_distances(space), atol=1e-12)
+        assert np.allclose(filtrated(space, PARAMS).filtration.distance, edge_distances(space), atol=1e-12)
 
 
 @trees
 def test_bars_are_those_of_gudhi_to_the_last_bit(tree: str):
-    space, filtration = TREES[tree], filtrate(TREES[tree], PARAMS).filtration
+    space, filtration = TREES[tree], filtrated(TREES[tree], PARAMS).filtration
     complex_ = gudhi.SimplexTree()
     for v in range(len(space.geodesic_sum)):
         complex_.insert([v], 0.0)
@@ -84,7 +89,7 @@ def test_bars_are_those_of_gudhi_to_the_last_bit(tree: str):
 
 @trees
 def test_the_barcode_is_the_annexation_times_and_one_bar_that_never_ends(tree: str):
-    filtration = filtrate(TREES[tree], PARAMS).filtration
+    filtration = filtrated(TREES[tree], PARAMS).filtration
     bars = barcode(filtration)
     assert not bars[:, 0].any()
     assert np.array_equal(bars[:-1, 1], np.sort(filtration.time))
@@ -95,7 +100,7 @@ def test_the_barcode_is_the_annexation_times_and_one_bar_that_never_ends(tree: s
 @trees
 def test_times_lie_on_a_grid_that_is_no_finer_than_allowed(tree: str, max_steps: int):
     space = TREES[tree]
-    filtration = filtrate(space, FiltrationParams(max_steps=max_steps)).filtration
+    filtration = filtrated(space, FiltrationParams(max_steps=max_steps)).filtration
     time, distance = filtration.time, filtration.distance
     span = np.ptp(distance)
     if span == 0:
@@ -116,7 +121,7 @@ def test_times_lie_on_a_grid_that_is_no_finer_than_allowed(tree: str, max_steps:
 
 @trees
 def test_annexations_are_ordered_by_distance_and_edge(tree: str):
-    space, filtration = TREES[tree], filtrate(TREES[tree], PARAMS).filtration
+    space, filtration = TREES[tree], filtrated(TREES[tree], PARAMS).filtration
     expected = sorted(range(len(space.edges)), key=lambda e: (filtration.distance[e], *space.edges[e]))
     assert np.argsort(filtration.order).tolist() == expected
 
@@ -139,7 +144,7 @@ def annex(space: TopologicalSpace, order: NDArray[np.int64]) -> list[tuple[int, 
 
 @trees
 def test_the_larger_component_annexes_the_smaller(tree: str):
-    space, filtration = TREES[tree], filtrate(TREES[tree], PARAMS).filtration
+    space, filtration = TREES[tree], filtrated(TREES[tree], PARAMS).filtration
     assert list(zip(filtration.annexed, filtration.annexing, strict=True)) == annex(space, filtration.order)
 
 
@@ -151,7 +156,7 @@ def components(size: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @trees
 def test_the_annexation_graph_is_a_tree_with_the_same_components_at_any_time(tree: str):
-    space, filtration = TREES[tree], filtrate(TREES[tree], PARAMS).filtration
+    space, filtration = TREES[tree], filtrated(TREES[tree], PARAMS).filtration
     size = len(space.geodesic_sum)
     graph = np.stack([filtration.annexed, filtration.annexing], axis=1)
     assert len(np.unique(filtration.annexed)) == size - 1  # each but one dies once
@@ -169,14 +174,14 @@ def mode(filtration: Filtration) -> float:
 
 @trees
 def test_epsilon_max_is_the_earliest_time_of_most_annexations(tree: str):
-    filtration, notes = filtrate(TREES[tree], PARAMS)
+    filtration, notes = filtrated(TREES[tree], PARAMS)
     if not notes:
         assert filtration.epsilon_max == mode(filtration)
     assert filtration.epsilon_max in filtration.time
 
 
 def test_of_equally_many_annexations_the_earliest_time_is_taken():
-    filtration, notes = filtrate(path(9), FiltrationParams(max_steps=10_000))
+    filtration, notes = filtrated(path(9), FiltrationParams(max_steps=10_000))
     times, counts = annexations_over_time(filtration)
     assert (counts == counts[0]).sum() > 1
     assert filtration.epsilon_max == times[0]
@@ -185,7 +190,7 @@ def test_of_equally_many_annexations_the_earliest_time_is_taken():
 
 @trees
 def test_annexations_over_time_count_every_edge_once(tree: str):
-    filtration = filtrate(TREES[tree], PARAMS).filtration
+    filtration = filtrated(TREES[tree], PARAMS).filtration
     times, counts = annexations_over_time(filtration)
     assert counts.sum() == len(filtration.time)
     assert (np.diff(times) > 0).all()
@@ -196,7 +201,7 @@ def test_annexations_over_time_count_every_edge_once(tree: str):
     "space", [path(2), space_of([(0, i) for i in range(1, 9)]), space_of([(i, 4) for i in range(4)])]
 )
 def test_where_all_distances_are_equal_there_is_one_time_and_one_concept(space: TopologicalSpace):
-    filtration, notes = filtrate(space, PARAMS)
+    filtration, notes = filtrated(space, PARAMS)
     assert not filtration.time.any()
     assert filtration.epsilon_max == 0
     concepts = concepts_at(filtration)
@@ -208,7 +213,7 @@ def test_where_all_distances_are_equal_there_is_one_time_and_one_concept(space: 
 def test_an_end_of_the_spectrum_with_one_concept_is_left_for_two_and_said_aloud():
     moved = 0
     for seed in range(60):
-        filtration, notes = filtrate(random_tree(seed, 14, 0.2), PARAMS)
+        filtration, notes = filtrated(random_tree(seed, 14, 0.2), PARAMS)
         most = mode(filtration)
         assert bool(notes) == (concepts_at(filtration, most).sizes.tolist() == [14])
         if notes and "instead" in notes[0]:
@@ -225,7 +230,7 @@ def test_the_names_of_the_vertices_do_not_decide_the_times():
     space = TREES["a long tree"]
     renamed = np.random.default_rng(0).permutation(len(space.geodesic_sum))
     other = space_of([tuple(renamed[e].tolist()) for e in space.edges])
-    a, b = (filtrate(s, PARAMS).filtration for s in (space, other))
+    a, b = (filtrated(s, PARAMS).filtration for s in (space, other))
     assert np.array_equal(np.sort(a.time), np.sort(b.time))
     assert a.epsilon_max == b.epsilon_max
 
@@ -233,7 +238,7 @@ def test_the_names_of_the_vertices_do_not_decide_the_times():
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_a_models_filtration_follows_from_its_space(preset: str):
     model = learnt(preset)
-    filtration, notes = filtrate(model.space, model.params.filtration)
+    filtration, notes = filtrated(model.space, model.params.filtration)
     assert notes == model.notes
     assert np.array_equal(filtration.time, model.filtration.time)
     assert np.allclose(filtration.distance, edge_distances(model.space), atol=1e-12)

@@ -9,10 +9,10 @@ from scipy.sparse import csr_array
 from sklearn.covariance import LedoitWolf
 from sklearn.decomposition import PCA
 
-from service.engine.concepts import Metric
+from service.engine.metric import Metric
 from service.engine.params import ResponseParams
 from tests.learnt import learnt
-from worker.learning.concepts import learn_metric
+from worker.learning.metric import learn_metric
 
 both_geometries = pytest.mark.parametrize("hellinger", [False, True])
 SHAPES = {"more dimensions than samples": (12, 30), "more samples than dimensions": (40, 6), "two samples": (2, 5)}

@@ -1,0 +1,62 @@
+"""The distance between stimuli vectors in which objects are compared with concepts (Sec. Shape Concept Inference)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+
+@dataclass(frozen=True)
+class Metric:
+    """The Mahalanobis distance between stimuli vectors, as a linear embedding in which it is Euclidean.
+
+    d^2(a, b) = |(f(a) - f(b)) W|^2 + |r(a) - r(b)|^2 / v, where f (takes, if asked, the square root of the vector
+    normalised to sum 1, and) weighs each dimension, and r is what of f lies outside the subspace.
+
+    Attributes:
+        weights: (V,) float32: of each dimension, after the square root.
+        mean: (V,) float32.
+        components: (k, V) float32: orthonormal.
+        variance: (k,) float64: along each component.
+        residual_variance: v, outside the components; infinite where only the subspace counts.
+        hellinger: whether square roots of vectors normalised to sum 1 are compared.
+    """
+
+    weights: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    components: NDArray[np.float32]
+    variance: NDArray[np.float64]
+    residual_variance: float
+    hellinger: bool
+
+    def embed(self, stimuli: csr_array) -> NDArray[np.float64]:
+        """Coordinates of stimuli vectors (n, V), in units of standard deviations; (n, k)."""
+        centred_mean = self.components.astype(np.float64) @ self.mean
+        coordinates = self.features(stimuli) @ self.components.T.astype(np.float64) - centred_mean
+        return np.asarray(coordinates / np.sqrt(self.variance))
+
+    def residual(self, stimuli: csr_array) -> NDArray[np.float64]:
+        """Squared distance from the subspace (n,), over its variance."""
+        if not np.isfinite(self.residual_variance):
+            return np.zeros(stimuli.shape[0])
+        centred = self.features(stimuli).toarray() - self.mean
+        inside = centred @ self.components.T.astype(np.float64)
+        outside = (centred**2).sum(axis=1) - (inside**2).sum(axis=1)
+        return np.asarray(np.maximum(outside, 0) / self.residual_variance)
+
+    def features(self, stimuli: csr_array) -> csr_array:
+        """The compared form of each row, sparse float64; a vector of zeros stays one."""
+        return features(stimuli, self.weights, self.hellinger)
+
+
+def features(stimuli: csr_array, weights: NDArray[np.float32], hellinger: bool) -> csr_array:
+    """Weighted stimuli vectors (n, V), or weighted square roots of those normalised to sum 1."""
+    rows = csr_array(stimuli.astype(np.float64))
+    if hellinger:
+        total = np.asarray(rows.sum(axis=1)).ravel()
+        scale = np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
+        rows = csr_array((np.sqrt(rows.data / scale), rows.indices, rows.indptr), shape=rows.shape)
+    return csr_array(rows.multiply(weights[None, :]))
