@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import threading
 import time as clock
-from collections import OrderedDict
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,12 +14,13 @@ from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
-from service.engine.model import OnStage, ShapeModel, ignore_stage
+from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
+from service.lately import Answers, Models
 from service.model_file import Manifest
 from service.pool import Intake, Pool
 from service.settings import Settings
-from service.store import PRODUCTION, ModelStore
+from service.store import NO_MODEL, PRODUCTION, ModelStore
 
 
 class CloudFile(NamedTuple):
@@ -71,12 +70,13 @@ class Application:
         self.pool = Pool(settings.workers, settings.queue)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
-        self._loaded: OrderedDict[tuple[str, int], ShapeModel] = OrderedDict()
-        self._loading = threading.Lock()
+        self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
+        self._answers = Answers()
 
     def close(self) -> None:
         """Waits for the work under way."""
         self.pool.close()
+        self._answers.close()
         self._jobs.close()
 
     def respond(
@@ -109,7 +109,7 @@ class Application:
         if top is not None and top < 1:
             raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
         name, number = self.which(model, version, alias)
-        shape_model = self._model(name, number)
+        shape_model = self._models.get(name, number)
         timings = _Timings(on_stage)
         timings.begin("decode")
         points = self._points(cloud)
@@ -127,11 +127,11 @@ class Application:
         if version is not None and alias is not None:
             raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
         if version is None and alias is None:
-            return self.store.resolve(reference)
+            return self._resolve(reference)
         name, *qualifier = re.split("[@:]", reference, maxsplit=1)
         if qualifier and model:
             raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
-        return self.store.resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
+        return self._resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
 
     def prepare(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant, as `which`; it is in memory afterwards.
@@ -140,7 +140,7 @@ class Application:
             ModelDamaged, ModelIncompatible: the model cannot be used.
         """
         name, number = self.which(model, version, alias)
-        self._model(name, number)
+        self._models.get(name, number)
         return name, number
 
     def ready(self) -> Readiness:
@@ -148,12 +148,10 @@ class Application:
 
         Raises:
             ModelNotFound: the store holds no model.
-            StoreUnavailable: it cannot be read.
+            StoreUnavailable: it cannot be read, and could not be before.
             ModelDamaged, ModelIncompatible: the default model cannot be used.
         """
-        names = self.store.names()
-        if not names:
-            raise ModelNotFound("The store holds no model yet.")
+        names = self._names()
         if self.settings.model is None and len(names) > 1:
             return Readiness(model=None, version=None, models=names)
         name, version = self.prepare(None)
@@ -182,11 +180,14 @@ class Application:
         """Lets an alias mean the version that a reference names; returns its name and version."""
         name, version = self.store.resolve(model)
         self.store.promote(name, version, alias)
+        self._answers.forget()
         return name, version
 
     def rollback(self, name: str, alias: str = PRODUCTION) -> int:
         """Lets an alias mean what it meant before; returns the version."""
-        return self.store.rollback(name, alias)
+        version = self.store.rollback(name, alias)
+        self._answers.forget()
+        return version
 
     def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
         """Puts a job into the queue; submitted again under the same id, it is the same job."""
@@ -220,22 +221,23 @@ class Application:
         )
 
     def _only_model(self) -> str:
-        names = self.store.names()
+        names = self._names()
         if len(names) == 1:
             return names[0]
-        if not names:
-            raise ModelNotFound("The store holds no model yet: train and publish one first.")
         raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
 
-    def _model(self, name: str, version: int) -> ShapeModel:
-        """A version, from memory if it was used lately: versions never change."""
-        with self._loading:
-            if (name, version) not in self._loaded:
-                self._loaded[name, version] = self.store.load(name, version)[0]
-                if len(self._loaded) > self.settings.loaded_models:
-                    self._loaded.popitem(last=False)
-            self._loaded.move_to_end((name, version))
-            return self._loaded[name, version]
+    def _resolve(self, reference: str) -> tuple[str, int]:
+        return self._answers.get(f"the model {reference}", lambda: self.store.resolve(reference))
+
+    def _names(self) -> list[str]:
+        """Names of all models; there is at least one."""
+
+        def read() -> list[str]:
+            if names := self.store.names():
+                return names
+            raise ModelNotFound(NO_MODEL)
+
+        return self._answers.get("the models that there are", read)
 
 
 def parse_viewpoint(text: str) -> clouds.Viewpoint:

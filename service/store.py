@@ -24,6 +24,10 @@ from service.model_file import NAME, TENSORS, Manifest, decode, describe, encode
 from service.objects import Objects
 
 PRODUCTION = "production"
+NO_MODEL = (
+    "The store holds no model yet: train and publish one first, "
+    "with shape-concepts-worker train --simulate 250 --name default"
+)
 REFERENCE = re.compile(rf"(?P<name>{NAME})(@(?P<alias>{NAME})|:(?P<version>[0-9]{{1,8}}))?")
 
 
@@ -223,7 +227,7 @@ class ModelStore:
                 f"write {name}:{versions[-1]} or {name}@ALIAS."
             )
         names = self.names()
-        return f"There are the models {', '.join(names)}." if names else "The store holds no model yet."
+        return f"The store holds: {', '.join(names)}." if names else NO_MODEL
 
 
 def check_name(name: str, what: str) -> None:

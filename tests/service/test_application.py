@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -159,6 +160,30 @@ def test_a_loaded_version_needs_its_store_no_more(application: Application, clou
     for blob in (Path(application.settings.store) / "blobs" / "sha256").iterdir():
         blob.unlink()
     assert without_timings(application.respond(clouds[0])) == without_timings(before)
+
+
+def test_a_service_goes_on_answering_while_its_store_is_away(
+    application: Application, clouds: list[PointCloud], caplog: pytest.LogCaptureFixture
+) -> None:
+    before = application.respond(clouds[0])
+    folder = Path(application.settings.store)
+    folder.rename(folder.with_name("away"))
+    folder.write_bytes(b"")
+    time.sleep(1.1)
+    assert without_timings(application.respond(clouds[0])) == without_timings(before)
+    assert application.ready().model == "tiny"
+    assert "going on with what was known" in caplog.text
+
+
+def test_a_promotion_by_another_process_takes_effect_within_a_moment(
+    application: Application, model: ShapeModel
+) -> None:
+    elsewhere = ModelStore(application.settings.store)
+    elsewhere.publish(model, name="tiny", seed=7, source={}, alias=None)
+    assert application.which("tiny") == ("tiny", 1)
+    elsewhere.promote("tiny", 2)
+    time.sleep(1.1)
+    assert application.which("tiny") == ("tiny", 2)
 
 
 def test_only_so_many_models_stay_in_memory(settings: Settings, model: ShapeModel, clouds: list[PointCloud]) -> None:

@@ -149,7 +149,7 @@ MANIFEST: dict[str, Any] = {
 
 _ERRORS: tuple[ShapeConceptsError, ...] = (
     UnreadableCloud("The form has no file in the field 'cloud': send it with -F cloud=@FILE."),
-    ModelNotFound("There is no 'mugs@production'. There are the models default."),
+    ModelNotFound("There is no 'mugs@production'. The store holds: default."),
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),

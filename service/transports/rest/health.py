@@ -41,7 +41,7 @@ def router(application: Application) -> APIRouter:
         response_model=Readiness,
     )
     def readyz(request: Request) -> Readiness | Response:
-        """503 while there is no model, or the store is out of reach, or the default model cannot be used."""
+        """503 while there is no model, or the default model cannot be used, or the store was never within reach."""
         try:
             return application.ready()
         except ShapeConceptsError as error:
