@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
+from fastapi_offline import FastAPIOffline
 
 from service import __version__
 from service.application import Application
@@ -13,14 +14,17 @@ from service.transports.rest import health, models, problems, responses
 
 
 def create_app(application: Application) -> FastAPI:
-    """An app that answers for an application, and closes it at the end."""
+    """An app that answers for an application, and closes it at the end.
+
+    Its pages /docs and /redoc load nothing from elsewhere: many robots have no internet.
+    """
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
         application.close()
 
-    app = problems.DescribedApi(
+    app = FastAPIOffline(
         title="Shape Concepts",
         version=__version__,
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",

@@ -69,18 +69,16 @@ def documented(example: dict[str, Any], *statuses: int) -> dict[int | str, dict[
     return described
 
 
-class DescribedApi(FastAPI):
-    """An app whose OpenAPI description has the schema of problem documents, to which its operations refer."""
+def install(app: FastAPI) -> None:
+    """Answers every error of an app with a problem document, names every request, and describes both."""
+    describe = app.openapi
 
-    def openapi(self) -> dict[str, Any]:
-        """The description."""
-        description = super().openapi()
+    def describe_with_problems() -> dict[str, Any]:
+        description = describe()
         description["components"]["schemas"]["Problem"] = Problem.model_json_schema()
         return description
 
-
-def install(app: FastAPI) -> None:
-    """Answers every error of an app with a problem document, and names every request."""
+    app.openapi = describe_with_problems  # type: ignore[method-assign] # as FastAPI's documentation has it
     app.add_middleware(_Guard)
     app.add_exception_handler(ShapeConceptsError, _ours)
     app.add_exception_handler(HTTPException, _http)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,17 @@ def test_a_damaged_model_is_refused_with_the_reason(client: httpx.Client, applic
     assert (response.status_code, response.json()["type"]) == (500, "urn:shape-concepts:error:model-damaged")
     assert "cut off" in response.json()["detail"]
     assert client.get("/readyz").status_code == 503
+
+
+@pytest.mark.parametrize("page", ["/docs", "/redoc"])
+def test_the_pages_that_describe_it_need_no_internet(client: httpx.Client, page: str) -> None:
+    response = client.get(page)
+    assert response.status_code == 200
+    assert "://" not in response.text
+    linked = re.findall(r'(?:src|href)="([^"]+)"', response.text)
+    assert len(linked) > 1
+    for path in linked:
+        assert client.get(path).status_code == 200, path
 
 
 def contents(description: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
