@@ -14,6 +14,8 @@ from service.engine.params import SegmentParams
 from service.engine.patches import Patches
 
 BAND = 2.5  # voxels on either side of a border whose normals speak for that side
+CURVED = 1.0  # share of its own bend that either patch lends to a border
+MOST_CURVED = np.radians(15)  # a patch that bends more may straddle a crease
 GAP = 2.5  # voxels that missing returns may put between two segments of one surface
 
 
@@ -50,14 +52,15 @@ class SegmentGraph:
 def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
     """Merges patches across smooth borders, the smoothest first, and absorbs fragments into their neighbours.
 
-    A border's bend is the mean angle between the normals on its two sides; that of a merged segment is the mean over
-    its whole border, so that one blurred spot does not weld the two sides of a crease.
+    A border's bend is the mean angle between the normals on its two sides, less what the two patches bend in
+    themselves: a thin cylinder bends everywhere, a crease only at the border. The bend of a merged segment is the mean
+    over its whole border, so that one blurred spot does not weld the two sides of a crease.
     """
     points = patches.cloud.points
-    bend, length = _borders(patches)
+    slack, length = _borders(patches)
     size = np.bincount(patches.labels, minlength=patches.count).astype(np.float64)
     least = params.min_share * len(points)
-    merged = _merge(bend, length, size, np.cos(np.radians(params.angle)), least, params.max_segments)
+    merged = _merge(slack, length, size, -np.radians(params.angle), least, params.max_segments)
     labels = _by_size(merged[patches.labels])
     return SegmentGraph(
         points=points,
@@ -71,18 +74,28 @@ def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
 
 
 def _borders(patches: Patches) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Summed cosines of the bend (P, P), and the number of touching voxel pairs (P, P), of every two patches."""
+    """Summed bends, negative, in radians (P, P), and numbers of touching voxel pairs (P, P), of every two patches."""
     near = neighbourhood(patches.cloud.points, BAND * patches.cloud.size)
     sides = _side_normals(patches.normals, patches.labels, near.indptr, near.indices)
     touch = patches.adjacent
     across = patches.labels[touch.rows] != patches.labels[touch.indices]
     a, b = touch.rows[across], touch.indices[across]
-    cosine = np.einsum("ij,ij->i", sides[a], sides[b])
+    bend = np.arccos(np.clip(np.einsum("ij,ij->i", sides[a], sides[b]), -1, 1))
+    curved = CURVED * np.minimum(_own_bend(patches), MOST_CURVED)
+    slack = curved[patches.labels[a]] + curved[patches.labels[b]] - bend
     keys = patches.labels[a] * patches.count + patches.labels[b]
     shape = (patches.count, patches.count)
-    bend = np.bincount(keys, cosine, minlength=patches.count**2).reshape(shape).astype(np.float64)
+    slack_sum = np.bincount(keys, slack, minlength=patches.count**2).reshape(shape).astype(np.float64)
     length = np.bincount(keys, minlength=patches.count**2).reshape(shape).astype(np.float64)
-    return bend, length
+    return slack_sum, length
+
+
+def _own_bend(patches: Patches) -> NDArray[np.float64]:
+    """Mean angle between the normals of a patch and their mean, radians (P,)."""
+    sums = np.stack([np.bincount(patches.labels, axis) for axis in patches.normals.T], axis=1)
+    mean = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
+    cosine = np.einsum("ij,ij->i", patches.normals, mean[patches.labels])
+    return np.bincount(patches.labels, np.arccos(np.clip(cosine, -1, 1))) / np.bincount(patches.labels)
 
 
 def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -117,7 +130,7 @@ def _side_normals(
 
 @njit(cache=True, nogil=True)
 def _merge(
-    bend: NDArray[np.float64],
+    slack: NDArray[np.float64],
     length: NDArray[np.float64],
     size: NDArray[np.float64],
     smooth: float,
@@ -126,22 +139,22 @@ def _merge(
 ) -> NDArray[np.int64]:
     """The segment of each patch (P,).
 
-    First the two regions with the straightest border are joined while its mean cosine is at least `smooth`; then the
-    smallest region joins its straightest neighbour while it is under `least` or there are more than `most`.
+    First the two regions with the smoothest border are joined while its mean slack is at least `smooth`; then the
+    smallest region joins its smoothest neighbour while it is under `least` or there are more than `most`.
     A region without neighbours is left alone, unless there are too many: then it joins the largest.
     """
-    bend, length, size = bend.copy(), length.copy(), size.copy()
+    slack, length, size = slack.copy(), length.copy(), size.copy()
     count = len(size)
     root = np.arange(count)
     while True:
         best, a, b = smooth, -1, -1
         for i in range(count):
             for j in range(i):
-                if length[i, j] > 0 and bend[i, j] >= best * length[i, j]:
-                    best, a, b = bend[i, j] / length[i, j], j, i
+                if length[i, j] > 0 and slack[i, j] >= best * length[i, j]:
+                    best, a, b = slack[i, j] / length[i, j], j, i
         if a < 0:
             break
-        _join(a, b, bend, length, size, root)
+        _join(a, b, slack, length, size, root)
     while True:
         alive = 0
         for i in range(count):
@@ -149,16 +162,16 @@ def _merge(
         a, b = -1, -1
         for i in np.argsort(size, kind="mergesort"):
             if size[i] > 0 and a < 0 and (size[i] < least or alive > most):
-                best = -2.0
+                best = -np.inf
                 for j in range(count):
-                    if size[j] > 0 and length[i, j] > 0 and bend[i, j] > best * length[i, j]:
-                        best, a, b = bend[i, j] / length[i, j], j, i
+                    if size[j] > 0 and length[i, j] > 0 and slack[i, j] > best * length[i, j]:
+                        best, a, b = slack[i, j] / length[i, j], j, i
         if a < 0 and alive > most:
             order = np.argsort(-size, kind="mergesort")
             a, b = order[0], order[alive - 1]
         if a < 0:
             break
-        _join(a, b, bend, length, size, root)
+        _join(a, b, slack, length, size, root)
     return root
 
 
@@ -166,18 +179,18 @@ def _merge(
 def _join(
     a: int,
     b: int,
-    bend: NDArray[np.float64],
+    slack: NDArray[np.float64],
     length: NDArray[np.float64],
     size: NDArray[np.float64],
     root: NDArray[np.int64],
 ) -> None:
     """Region b becomes part of region a."""
-    bend[a] += bend[b]
-    bend[:, a] += bend[:, b]
+    slack[a] += slack[b]
+    slack[:, a] += slack[:, b]
     length[a] += length[b]
     length[:, a] += length[:, b]
-    bend[b], bend[:, b], length[b], length[:, b] = 0.0, 0.0, 0.0, 0.0
-    bend[a, a], length[a, a] = 0.0, 0.0
+    slack[b], slack[:, b], length[b], length[:, b] = 0.0, 0.0, 0.0, 0.0
+    slack[a, a], length[a, a] = 0.0, 0.0
     size[a] += size[b]
     size[b] = 0.0
     root[root == b] = a
