@@ -129,6 +129,8 @@ MANIFEST: dict[str, Any] = {
         "motif_vertices_of_hierarchies": [88, 358, 983, 1714],
         "concepts": 14,
     },
+    "stimuli_fill": 1.0,
+    "filtration_step": 0.019000919399325775,
     "epsilon_max": 0.8740422923689856,
     "notes": [],
     "contents": {

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Depends, Path
 from pydantic import BaseModel, Field
 
 from service.application import Application, ModelSummary
 from service.model_file import NAME, Manifest
 from service.transports.rest import examples
 from service.transports.rest.problems import documented
+from service.transports.rest.queries import known_only
 
 
 class ModelList(BaseModel):
@@ -21,12 +22,12 @@ class ModelList(BaseModel):
 
 def router(application: Application) -> APIRouter:
     """The operations, for an application."""
-    routes = APIRouter(prefix="/v1/models", tags=["models"])
+    routes = APIRouter(prefix="/v1/models", tags=["models"], dependencies=[Depends(known_only)])
 
     @routes.get(
         "",
         summary="Which models are there?",
-        responses=documented(examples.MODELS, 500, 503),
+        responses=documented(examples.MODELS, 422, 500, 503),
     )
     def models() -> ModelList:
         """Names, versions and aliases of all models of the store."""

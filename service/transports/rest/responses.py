@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
@@ -12,6 +12,7 @@ from service.clouds import FORMATS, UNITS
 from service.transports.rest import examples
 from service.transports.rest.bodies import FIELD, Limits, receive_cloud
 from service.transports.rest.problems import documented
+from service.transports.rest.queries import known_only
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
@@ -33,7 +34,7 @@ _BODY = {
 
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
-    routes = APIRouter(prefix="/v1", tags=["responses"])
+    routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
     settings = application.settings
     limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
 
@@ -51,7 +52,7 @@ def router(application: Application) -> APIRouter:
                 max_length=200, description="NAME, NAME@ALIAS or NAME:VERSION; by default the only model of the store"
             ),
         ] = None,
-        version: Annotated[int | None, Query(ge=1, description="version of the model")] = None,
+        version: Annotated[int | None, Query(ge=1, le=99_999_999, description="version of the model")] = None,
         alias: Annotated[str | None, Query(max_length=63, description="alias of the model's version")] = None,
         time: Annotated[
             float | None,

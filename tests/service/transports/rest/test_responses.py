@@ -108,6 +108,8 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a time of 2", 422, "invalid-parameter", {**XYZ, "params": {"time": 2}}),
     ("a time of NaN", 422, "invalid-parameter", {**XYZ, "params": {"time": "nan"}}),
     ("no concepts", 422, "invalid-parameter", {**XYZ, "params": {"top": 0}}),
+    ("a version of 23 digits", 422, "invalid-parameter", {**XYZ, "params": {"version": "9" * 23}}),
+    ("a misspelt parameter", 422, "invalid-parameter", {**XYZ, "params": {"toop": 1}}),
     ("version x", 422, "invalid-parameter", {**XYZ, "params": {"version": "x"}}),
     ("an unknown unit", 422, "invalid-parameter", {**XYZ, "params": {"unit": "furlong"}}),
     ("half a viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": "1,2"}}),
@@ -128,6 +130,15 @@ def test_what_cannot_be_answered_is_refused_with_its_own_problem(
     assert len(problem["detail"]) > 10
     documented = client.get("/openapi.json").json()["paths"]["/v1/responses"]["post"]["responses"]
     assert str(status) in documented
+
+
+def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> None:
+    detail = client.post("/v1/responses", params={"toop": 1, "top": 1}, content=b"1 2 3\n").json()["detail"]
+    assert "'toop'" in detail
+    for name in ("model", "version", "alias", "time", "top", "unit", "viewpoint", "stimuli"):
+        assert f" {name}" in detail
+    listed = client.get("/v1/models", params={"name": "tiny"})
+    assert (listed.status_code, "none" in listed.json()["detail"]) == (422, True)
 
 
 def test_every_kind_of_invalid_cloud_was_tried() -> None:
