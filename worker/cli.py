@@ -83,7 +83,9 @@ def simulate(
         objects = simulate_objects(count, seed, params=params, workers=workers)
         write(watch.count(objects, count), out)
     result = {"clouds": count, "seed": seed, "folder": str(out), "contact_sheet": str(out / "contact-sheet.png")}
-    click.echo(json.dumps(result) if as_json else f"Wrote {count} clouds and contact-sheet.png to {out}.")
+    click.echo(
+        json.dumps(result) if as_json else f"Wrote {count} cloud{'s' * (count > 1)} and contact-sheet.png to {out}."
+    )
 
 
 @main.command(
@@ -237,8 +239,12 @@ def _orders(text: str | None) -> tuple[int, ...] | None:
     """The orders that "1-5", "3" or "1,2,5" name."""
     if text is None:
         return None
+    from worker.simulation.params import MAX_ORDER
+
     try:
         spans = [[int(end) for end in part.split("-")] for part in text.split(",")]
+        if any(not 1 <= span[0] <= span[-1] <= MAX_ORDER for span in spans):
+            raise click.BadParameter(f"orders go from 1 to {MAX_ORDER}, not '{text}'.", param_hint="--orders")
         return tuple(order for span in spans for order in range(span[0], span[-1] + 1))
     except ValueError:
         raise click.BadParameter(

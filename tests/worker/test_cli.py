@@ -37,7 +37,8 @@ def test_orders_choose_the_objects(tmp_path: Path) -> None:
     assert json.loads(result.stdout)["clouds"] == 4
     assert sorted(f.stem.split("order")[1] for f in (tmp_path / "two").glob("*.ply")) == ["1", "1", "3", "3"]
     assert run("simulate", *chosen, "--orders", "many").exit_code == 2
-    assert run("simulate", *chosen, "--orders", "0-9").exit_code == 1
+    for wrong in ("0-9", "5-1", "1-900000000", "-3"):
+        assert run("simulate", *chosen, "--orders", wrong).exit_code == 2
 
 
 def test_training_publishes_versions_that_can_be_told_apart_only_by_number_and_time(

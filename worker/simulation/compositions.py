@@ -118,9 +118,11 @@ def draw_dimensions(kind: Kind, params: PrototypeParams, rng: np.random.Generato
 def draw_intersecting_pose(
     prototype: Prototype, sample: tuple[Prototype, ...], params: PrototypeParams, rng: np.random.Generator
 ) -> Prototype:
-    """The prototype in a pose that is uniform over all poses in which it intersects the sample.
+    """The prototype in a random pose in which it intersects the sample (Alg. 1).
 
-    Poses are uniform over a box that holds all those in which the two can touch; those that fail are drawn again.
+    Poses are uniform over a box that holds all those in which the two can touch. Those that do not intersect at least
+    `overlap` deep are drawn again, and, which Alg. 1 does not ask, those that swallow a prototype: less than the share
+    `exposed` of its surface would stay outside. With `exposed` 0 it is the paper's.
     """
     points = np.concatenate([other.surface() for other in sample])
     reach = np.linalg.norm(prototype.surface(), axis=1).max()
@@ -157,7 +159,7 @@ def _all_exposed(sample: tuple[Prototype, ...], share: float) -> bool:
         points = prototype.surface()
         others = sample[:index] + sample[index + 1 :]
         outside = np.min([other.signed_distance(points) for other in others], axis=0) > 0
-        if outside.mean() < max(share, 1 / len(points)):
+        if outside.mean() < share:
             return False
     return True
 

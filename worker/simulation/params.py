@@ -24,7 +24,10 @@ class PrototypeParams(_Frozen):
         default=0.003, ge=0.001, le=0.05, description="a prototype reaches at least this deep into another, metres"
     )
     exposed: float = Field(
-        default=0.1, ge=0, le=0.5, description="share of each prototype's surface that stays outside all others"
+        default=0.1,
+        ge=0,
+        le=0.5,
+        description="share of each prototype's surface that stays outside all others; 0 as in Alg. 1",
     )
     chord: float = Field(
         default=4e-5,
