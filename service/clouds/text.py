@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, islice
+from itertools import chain, filterfalse, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ def read_rows(
     Args:
         lines: consumed as far as `limit`.
         where: begins the message of an error.
-        limit: how many lines to read; None for all.
+        limit: how many rows to read; None for all.
         columns: which columns, where others may hold anything; None for all, and then every row must have as many.
         separator: one character; None for blanks.
         comment: one character that begins a comment.
@@ -57,6 +58,8 @@ def read_rows(
     Raises:
         UnreadableCloud: a row is short or long, or holds something that is no number.
     """
+    if comment is not None:
+        lines = filterfalse(re.compile(rf"\s*{comment}").match, lines)  # such lines are no rows
     wanted = islice(lines, limit)
     first = next(wanted, None)
     if first is None:

@@ -42,9 +42,14 @@ def read(data: bytes, max_points: int) -> RawCloud:
     if layout.promised is not None:
         check_count(layout.promised, max_points, "the first line of this xyz")
     rows = read_rows(
-        filled_lines(text[layout.body :], "xyz"), "xyz", columns=layout.columns, separator=layout.separator, comment="#"
+        filled_lines(text[layout.body :], "xyz"),
+        "xyz",
+        limit=max_points + 1,
+        columns=layout.columns,
+        separator=layout.separator,
+        comment="#" if b"#" in text else None,
     )
-    check_count(len(rows), max_points, "this xyz")
+    check_count(len(rows), max_points, "this xyz" if len(rows) <= max_points else "the part of this xyz that was read")
     if layout.promised is not None:
         check_rows(len(rows), layout.promised, "xyz")
     return RawCloud(rows)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,20 @@ def test_text_without_points_is_an_empty_cloud(text: str):
 def test_a_count_beyond_the_limit_is_refused_before_reading_on():
     with pytest.raises(TooManyPoints, match="1000000000000"):
         read(b"1000000000000\n0 0 0\n", "xyz")
+
+
+def test_no_more_is_read_than_the_limit_takes():
+    text = b"# no point\n" * 50_000 + b"0 0 0\n" * 500_000
+    tracemalloc.start()
+    with pytest.raises(TooManyPoints, match="limit of 1000"):
+        read(text, "xyz", max_points=1000)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2 * len(text)  # all rows would be four times as much
+
+
+def test_comments_are_not_counted_as_points():
+    text = b"1 2 3\n  # one\n" * 1000
+    assert len(read(text, "xyz", max_points=1000).points) == 1000
+    with pytest.raises(TooManyPoints):
+        read(text, "xyz", max_points=999)
