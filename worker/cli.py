@@ -15,17 +15,12 @@ from typing import TYPE_CHECKING
 import click
 
 from service import __version__
-from service.cli import ReportingGroup, json_option, settings_of, store_option
+from service.commands.options import json_option, settings_of, store_option
+from service.commands.reporting import ReportingGroup, examples
 
 if TYPE_CHECKING:
     from worker.config import TrainingConfig
     from worker.sources import Source
-
-
-def _epilog(*examples: str) -> str:
-    """Runnable examples below a command's help."""
-    return "\b\nExamples:\n" + "\n".join(f"  shape-concepts-worker {example}" for example in examples)
-
 
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), default=os.cpu_count() or 1, show_default="all cores", help="Processes."
@@ -38,7 +33,10 @@ config_option = click.option(
 @click.group(
     cls=ReportingGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    epilog=_epilog("simulate --count 250 --seed 7 --out clouds", "train --simulate 250 --name default"),
+    epilog=examples(
+        "shape-concepts-worker simulate --count 250 --seed 7 --out clouds",
+        "shape-concepts-worker train --simulate 250 --name default",
+    ),
 )
 @click.version_option(__version__, prog_name="shape-concepts-worker")
 def main() -> None:
@@ -46,10 +44,10 @@ def main() -> None:
 
 
 @main.command(
-    epilog=_epilog(
-        "simulate --count 250 --seed 7 --out clouds",
-        "simulate --count 20 --seed 1 --out boxes-and-balls --orders 1-2 --noise none",
-        "simulate --count 50 --seed 7 --out clouds --renderer raycast",
+    epilog=examples(
+        "shape-concepts-worker simulate --count 250 --seed 7 --out clouds",
+        "shape-concepts-worker simulate --count 20 --seed 1 --out boxes-and-balls --orders 1-2 --noise none",
+        "shape-concepts-worker simulate --count 50 --seed 7 --out clouds --renderer raycast",
     )
 )
 @click.option("--count", type=click.IntRange(min=1), required=True, help="Number of objects.")
@@ -89,10 +87,10 @@ def simulate(
 
 
 @main.command(
-    epilog=_epilog(
-        "train --simulate 250 --name default",
-        "train --clouds scans --name workshop --config parameters.toml",
-        "train --simulate 1000 --seed 3 --name default --alias staging",
+    epilog=examples(
+        "shape-concepts-worker train --simulate 250 --name default",
+        "shape-concepts-worker train --clouds scans --name workshop --config parameters.toml",
+        "shape-concepts-worker train --simulate 1000 --seed 3 --name default --alias staging",
     )
 )
 @click.option("--clouds", type=click.Path(path_type=Path), metavar="DIR", help="Learn from all clouds of this folder.")
@@ -151,9 +149,9 @@ def train(
 
 
 @main.command(
-    epilog=_epilog(
-        "evaluate --model default --labels scans/labels.csv --report report",
-        "evaluate --model default:3 --labels scans/labels.csv --report report --json",
+    epilog=examples(
+        "shape-concepts-worker evaluate --model default --labels scans/labels.csv --report report",
+        "shape-concepts-worker evaluate --model default:3 --labels scans/labels.csv --report report --json",
     )
 )
 @click.option("--model", required=True, metavar="NAME", help="NAME, NAME@ALIAS or NAME:VERSION.")
@@ -200,7 +198,7 @@ def evaluate(model: str, labels: Path, report: Path, workers: int, as_json: bool
         click.echo(f"Wrote {file}.")
 
 
-@main.command(epilog=_epilog("run", "run --worker gpu-box-2 --workers 8"))
+@main.command(epilog=examples("shape-concepts-worker run", "shape-concepts-worker run --worker gpu-box-2 --workers 8"))
 @click.option(
     "--worker", "name", metavar="NAME", help="Of this worker, the same at every start and no other's.  [default: host]"
 )

@@ -1,0 +1,1 @@
+"""The commands of `shape-concepts`, one module a group, and what they share with those of the worker."""

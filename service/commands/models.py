@@ -1,0 +1,101 @@
+"""`shape-concepts models`: what the store holds, and which version an alias means."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from service.commands.options import application_of, json_option, store_option
+from service.commands.reporting import done, examples
+
+
+@click.group()
+def models() -> None:
+    """Lists, shows and promotes models."""
+
+
+@models.command(
+    "list",
+    epilog=examples("shape-concepts models list", "shape-concepts models list --store s3://robots/models --json"),
+)
+@json_option
+@store_option
+def list_models(as_json: bool, store: str | None) -> None:
+    """Lists models, versions and aliases."""
+    found = application_of(store).models()
+    if as_json:
+        click.echo(json.dumps({"models": [summary.model_dump() for summary in found]}))
+    else:
+        from service import tables
+
+        tables.show_models(found)
+
+
+@models.command(epilog=examples("shape-concepts models show default", "shape-concepts models show default:1 --json"))
+@click.argument("model", metavar="NAME")
+@json_option
+@store_option
+def show(model: str, as_json: bool, store: str | None) -> None:
+    """Shows how a model was made, and what its aliases have meant."""
+    application = application_of(store)
+    name, version = application.which(model)
+    manifest = application.manifest(name, version)
+    history = application.alias_histories(name)
+    if as_json:
+        aliases = {alias: [entry._asdict() for entry in entries] for alias, entries in history.items()}
+        click.echo(json.dumps(manifest.model_dump(mode="json") | {"aliases": aliases}))
+    else:
+        from service import tables
+
+        tables.show_manifest(manifest, history)
+
+
+@models.command(
+    epilog=examples(
+        "shape-concepts models export default --out exported", "shape-concepts models export default:1 --out exported"
+    )
+)
+@click.argument("model", metavar="NAME")
+@click.option("--out", required=True, metavar="DIR", type=click.Path(path_type=Path, file_okay=False), help="Folder.")
+@json_option
+@store_option
+def export(model: str, out: Path, as_json: bool, store: str | None) -> None:
+    """Writes a model as files for any program.
+
+    They are manifest.json and model.safetensors, byte for byte as the store has them.
+    """
+    application = application_of(store)
+    name, version = application.which(model)
+    files = [str(path) for path in application.export(name, version, out)]
+    result = {"model": name, "version": version, "files": files}
+    done(result, f"Wrote {name}:{version} to {' and '.join(files)}.", as_json)
+
+
+@models.command(
+    epilog=examples(
+        "shape-concepts models promote default:2", "shape-concepts models promote default:2 --alias staging"
+    )
+)
+@click.argument("model", metavar="NAME:VERSION")
+@click.option("--alias", default="production", show_default=True, help="Alias to move.")
+@json_option
+@store_option
+def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
+    """Lets an alias mean a version from now on."""
+    name, version = application_of(store).promote(model, alias)
+    done({"model": name, "version": version, "alias": alias}, f"{name}@{alias} is version {version} now.", as_json)
+
+
+@models.command(
+    epilog=examples("shape-concepts models rollback default", "shape-concepts models rollback default --alias staging")
+)
+@click.argument("model", metavar="NAME")
+@click.option("--alias", default="production", show_default=True, help="Alias to move back.")
+@json_option
+@store_option
+def rollback(model: str, alias: str, as_json: bool, store: str | None) -> None:
+    """Lets an alias mean what it meant before its last promotion."""
+    version = application_of(store).rollback(model, alias)
+    done({"model": model, "version": version, "alias": alias}, f"{model}@{alias} is version {version} again.", as_json)

@@ -1,0 +1,112 @@
+"""`shape-concepts respond`: clouds in, concepts out."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from pathlib import Path
+
+import click
+
+from service.commands.options import application_of, json_option, store_option
+from service.commands.reporting import examples
+from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
+from service.progress import watched
+
+
+@click.command(
+    epilog=examples(
+        "shape-concepts respond --model default mug.pcd",
+        "shape-concepts respond --model default --top 3 --unit mm scans/*.ply",
+        "shape-concepts respond --model default:1 --time 0.2 --json --stimuli mug.npy",
+        "shape-concepts respond --viewpoint 0,-0.4,-0.9 --json - < mug.xyz",
+    )
+)
+@click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
+@click.option("--model", metavar="NAME", help="Model to ask.  [default: SHAPE_CONCEPTS_MODEL, or the store's only one]")
+@click.option(
+    "--time", type=click.FloatRange(0, 1), help="Filtration time: 0 specific, 1 generic.  [default: epsilon_max]"
+)
+@click.option("--top", type=click.IntRange(min=1), help="How many concepts to list.  [default: all]")
+@click.option("--unit", default="m", show_default=True, help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.")
+@click.option(
+    "--viewpoint", metavar="POSE", help="Sensor pose in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz."
+)
+@click.option("--stimuli", is_flag=True, help="With --json: the stimuli vector as well.")
+@json_option
+@store_option
+def respond(
+    clouds: tuple[str, ...],
+    model: str | None,
+    time: float | None,
+    top: int | None,
+    unit: str,
+    viewpoint: str | None,
+    stimuli: bool,
+    as_json: bool,
+    store: str | None,
+) -> None:
+    """Answers clouds with the concepts they resemble.
+
+    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY or NPZ file, or - for
+    standard input. Concepts are listed best first; with --json, one line a cloud. A cloud that cannot be answered
+    does not keep the others from it, but the exit code is 1 at the end.
+    """
+    from service.application import CloudFile, parse_viewpoint
+    from service.clouds import UNITS
+
+    if unit not in UNITS:
+        raise click.BadParameter(f"'{unit}' is none of {', '.join(UNITS)}.", param_hint="--unit")
+    try:
+        pose = parse_viewpoint(viewpoint) if viewpoint else None
+    except InvalidParameter as error:
+        raise click.BadParameter(str(error), param_hint="--viewpoint") from error
+    application = application_of(store)
+    name, version = application.prepare(model)
+    failed = 0
+    for number, file in enumerate(clouds):
+        try:
+            with watched(file, number, len(clouds)) as on_stage:
+                answer = application.respond(
+                    CloudFile(_read(file), None, file, unit, pose),
+                    model=name,
+                    version=version,
+                    time=time,
+                    top=top,
+                    stimuli=stimuli,
+                    on_stage=on_stage,
+                )
+        except Exception as error:
+            failed += 1
+            _report(file, error, as_json)
+            continue
+        if as_json:
+            click.echo(json.dumps({"file": file} | answer.model_dump()))
+        else:
+            from service import tables
+
+            tables.show_answer(file, answer)
+    if failed:
+        sys.exit(1)
+
+
+def _read(file: str) -> bytes:
+    """The bytes of a cloud's file."""
+    try:
+        return sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes()
+    except (OSError, ValueError) as error:
+        raise UnreadableCloud(f"The file cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+
+
+def _report(file: str, error: Exception, as_json: bool) -> None:
+    """Says why a cloud was not answered; a fault of ours also goes to the log, whole."""
+    if isinstance(error, ShapeConceptsError):
+        kind, detail = error.type_name(), str(error)
+    else:
+        kind, detail = "internal", f"Something unexpected went wrong: {type(error).__name__}."
+        logging.getLogger(__name__).error("%s: unexpected", file, exc_info=error)
+    if as_json:
+        click.echo(json.dumps({"file": file, "error": {"type": kind, "detail": detail}}))
+    else:
+        click.echo(f"Error: {file}: {detail}", err=True)
