@@ -6,6 +6,7 @@ Sec. Extraction of Persistent Shape Concepts, and Sec. Shape Concept Inference, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from service.engine.filtration import Filtration
 from service.engine.metric import Metric
 from service.engine.params import ResponseParams
 from service.engine.stimuli import Stimuli
+
+NEGLIGIBLE = 1e-9  # deviations of less than this share of the largest squared distance are rounding
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,17 @@ class Concepts:
     ids: NDArray[np.int64]
     sizes: NDArray[np.int64]
     assignment: NDArray[np.int64]
+
+
+class Baseline(NamedTuple):
+    """The relative responses of the training objects to each concept: what is usual.
+
+    Attributes:
+        mean: (C,) float64; deviation: (C,) float64, 1 where they do not vary.
+    """
+
+    mean: NDArray[np.float64]
+    deviation: NDArray[np.float64]
 
 
 def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:
@@ -64,11 +78,31 @@ def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:
     return Concepts(moment, size + last[ranked], count[ranked].astype(np.int64), place[component])
 
 
+def baseline_of(concepts: Concepts, prototypes: NDArray[np.float64]) -> Baseline:
+    """How the training objects themselves respond to the concepts.
+
+    The mean squared distance to a set of points is that to their mean and their spread about it, so no distance
+    between two prototypes is needed.
+
+    Args:
+        concepts: C of them, over N prototypes.
+        prototypes: (N, k): the embedded stimuli of the training objects.
+    """
+    centre = np.stack([_mean_over_concepts(axis, concepts) for axis in prototypes.T], axis=1)
+    norm = (prototypes**2).sum(axis=1)
+    squared = norm[:, None] - 2 * prototypes @ centre.T + _mean_over_concepts(norm, concepts)
+    relative = squared - squared.mean(axis=1, keepdims=True) if len(centre) else squared
+    deviation = relative.std(axis=0)
+    varies = deviation > NEGLIGIBLE * squared.max(initial=0.0)
+    return Baseline(relative.mean(axis=0), np.where(varies, deviation, 1.0))
+
+
 def respond_to_concepts(
     stimuli: Stimuli,
     concepts: Concepts,
     metric: Metric,
     prototypes: NDArray[np.float64],
+    baseline: Baseline,
     params: ResponseParams,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """An object's responses to all concepts.
@@ -78,6 +112,7 @@ def respond_to_concepts(
         concepts: C of them, over N prototypes.
         metric: between stimuli vectors.
         prototypes: (N, k): the embedded stimuli of the training objects.
+        baseline: of the training objects.
         params: which form is scored.
 
     Returns:
@@ -87,10 +122,13 @@ def respond_to_concepts(
     row = csr_array((stimuli.values, stimuli.indices, [0, len(stimuli.indices)]), shape=(1, len(metric.weights)))
     squared = ((prototypes - metric.embed(row)) ** 2).sum(axis=1) + metric.residual(row)
     distances = _mean_over_concepts(np.sqrt(squared), concepts)
-    if params.score == "distance":
+    if params.score == "distance" or len(distances) == 0:
         return distances, distances
     mean_squared = _mean_over_concepts(squared, concepts)
-    return mean_squared - (mean_squared.mean() if len(mean_squared) else 0.0), distances
+    relative = mean_squared - mean_squared.mean()
+    if params.score == "relative":
+        return relative, distances
+    return (relative - baseline.mean) / baseline.deviation, distances
 
 
 def _mean_over_concepts(values: NDArray[np.float64], concepts: Concepts) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from service.engine import tensors as layout
 from service.engine.cloud import PointCloud
-from service.engine.concepts import Concepts, concepts_at, respond_to_concepts
+from service.engine.concepts import Baseline, Concepts, baseline_of, concepts_at, respond_to_concepts
 from service.engine.dictionary import Dictionary
 from service.engine.filtration import Filtration, time_step
 from service.engine.metric import Metric
@@ -103,7 +103,7 @@ class ShapeModel:
 
         on_stage("responses")
         responses, distances = respond_to_concepts(
-            stimuli, concepts, self.metric, self.embedded_prototypes, self.params.response
+            stimuli, concepts, self.metric, self.embedded_prototypes, self._baseline(concepts), self.params.response
         )
         return Response(
             responses=responses,
@@ -127,6 +127,17 @@ class ShapeModel:
     def embedded_prototypes(self) -> NDArray[np.float64]:
         """The concept prototypes in the metric's coordinates (N, k)."""
         return self.metric.embed(self.stimuli)
+
+    def _baseline(self, concepts: Concepts) -> Baseline:
+        """How the training objects respond to these concepts; remembered, as there are but few sets of concepts."""
+        key = concepts.ids.tobytes()
+        if key not in self._baselines:
+            self._baselines[key] = baseline_of(concepts, self.embedded_prototypes)
+        return self._baselines[key]
+
+    @cached_property
+    def _baselines(self) -> dict[bytes, Baseline]:
+        return {}
 
     def facts(self) -> dict[str, Any]:
         """What the manifest says of the model beside its parameters."""

@@ -118,8 +118,11 @@ class ResponseParams(StageParams):
     )
     dimensions: int = Field(32, ge=1, le=512, description="strongest components kept by the metric 'subspace'")
     hellinger: bool = Field(True, description="measure between square roots of the stimuli normalised to sum 1")
-    score: Literal["relative", "distance"] = Field(
-        "relative", description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts"
+    score: Literal["standard", "relative", "distance"] = Field(
+        "standard",
+        description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts; 'standard': "
+        "that, less its mean over the training objects, over their standard deviation, so that tight concepts do not "
+        "always rank first",
     )
 
 

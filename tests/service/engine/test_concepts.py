@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from service.engine.concepts import Concepts, concepts_at, respond_to_concepts
+from service.engine.concepts import Baseline, Concepts, baseline_of, concepts_at, respond_to_concepts
 from service.engine.errors import InvalidParameter
 from service.engine.filtration import Filtration
 from service.engine.metric import Metric
@@ -111,13 +111,16 @@ def known() -> np.ndarray:
 
 
 CONCEPTS = Concepts(0.0, np.array([12, 11]), np.array([4, 3]), np.array([0, 1, -1, 0, 0, 1, -1, 1, 0, -1]))
+USUAL = Baseline(np.array([0.5, -0.5]), np.array([2.0, 3.0]))
 
 
 def test_responses_are_the_mean_distances_of_eq_4(known: np.ndarray):
     query = np.random.default_rng(1).random(6).astype(np.float32)
     metric = euclid(6)
     params = ResponseParams(metric="identity", hellinger=False, score="distance")
-    scored, distances = respond_to_concepts(sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), params)
+    scored, distances = respond_to_concepts(
+        sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, params
+    )
     expected = [
         np.mean([np.sqrt(((query - known[p]) ** 2).sum()) for p in np.flatnonzero(CONCEPTS.assignment == c)])
         for c in (0, 1)
@@ -129,7 +132,9 @@ def test_responses_are_the_mean_distances_of_eq_4(known: np.ndarray):
 def test_relative_responses_are_mean_squared_distances_less_their_mean(known: np.ndarray):
     query = np.random.default_rng(1).random(6).astype(np.float32)
     metric, params = euclid(6), ResponseParams(metric="identity", hellinger=False, score="relative")
-    scored, distances = respond_to_concepts(sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), params)
+    scored, distances = respond_to_concepts(
+        sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, params
+    )
     squared = np.array(
         [np.mean([((query - known[p]) ** 2).sum() for p in np.flatnonzero(CONCEPTS.assignment == c)]) for c in (0, 1)]
     )
@@ -137,12 +142,43 @@ def test_relative_responses_are_mean_squared_distances_less_their_mean(known: np
     assert not np.allclose(scored, distances)
 
 
-@pytest.mark.parametrize("score", ["distance", "relative"])
+def test_standard_responses_are_relative_ones_measured_by_what_is_usual(known: np.ndarray):
+    query = np.random.default_rng(1).random(6).astype(np.float32)
+    metric = euclid(6)
+    arguments = (sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL)
+    relative, distances = respond_to_concepts(*arguments, ResponseParams(score="relative"))
+    standard, same = respond_to_concepts(*arguments, ResponseParams(score="standard"))
+    assert np.allclose(standard, [(relative[0] - 0.5) / 2, (relative[1] + 0.5) / 3])
+    assert np.array_equal(distances, same)
+
+
+def test_what_is_usual_is_what_the_training_objects_respond(known: np.ndarray):
+    metric = euclid(6)
+    stored = metric.embed(csr_array(known))
+    params = ResponseParams(score="relative")
+    each = [respond_to_concepts(sparse(one), CONCEPTS, metric, stored, USUAL, params)[0] for one in known]
+    usual = baseline_of(CONCEPTS, stored)
+    assert np.allclose(usual.mean, np.mean(each, axis=0), atol=1e-6)
+    assert np.allclose(usual.deviation, np.std(each, axis=0), atol=1e-6)
+    standard = ResponseParams(score="standard")
+    measured = [respond_to_concepts(sparse(one), CONCEPTS, metric, stored, usual, standard)[0] for one in known]
+    assert np.allclose(np.mean(measured, axis=0), 0, atol=1e-6)
+    assert np.allclose(np.std(measured, axis=0), 1, atol=1e-6)
+
+
+def test_objects_that_are_all_alike_have_an_answer():
+    stored = np.ones((10, 3))
+    usual = baseline_of(CONCEPTS, stored)
+    assert np.array_equal(usual.deviation, [1, 1])
+    assert np.allclose(usual.mean, 0)
+
+
+@pytest.mark.parametrize("score", ["distance", "relative", "standard"])
 def test_without_concepts_there_are_no_responses(known: np.ndarray, score: str):
     none = Concepts(0.0, np.array([], int), np.array([], int), np.full(10, -1))
     params = ResponseParams(score=score)
     scored, distances = respond_to_concepts(
-        sparse(known[0]), none, euclid(6), euclid(6).embed(csr_array(known)), params
+        sparse(known[0]), none, euclid(6), euclid(6).embed(csr_array(known)), USUAL, params
     )
     assert len(scored) == len(distances) == 0
 
@@ -152,7 +188,7 @@ def test_stimuli_of_zeros_have_an_answer(known: np.ndarray):
         metric = Metric(*vars(euclid(6)).values())
         metric = Metric(**{**vars(metric), "hellinger": hellinger})
         scored, distances = respond_to_concepts(
-            sparse(np.zeros(6)), CONCEPTS, metric, metric.embed(csr_array(known)), ResponseParams()
+            sparse(np.zeros(6)), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, ResponseParams()
         )
         assert np.isfinite(scored).all()
         assert (distances > 0).all()
@@ -172,7 +208,7 @@ def test_what_lies_outside_the_subspace_counts_by_its_variance(known: np.ndarray
     query = np.random.default_rng(2).random(6).astype(np.float32)
     params = ResponseParams(score="distance")
     stored = metric.embed(csr_array(inside.astype(np.float32)))
-    _, distances = respond_to_concepts(sparse(query), CONCEPTS, metric, stored, params)
+    _, distances = respond_to_concepts(sparse(query), CONCEPTS, metric, stored, USUAL, params)
     inverse = np.array([1 / 4, 1 / 9, 4, 4, 4, 4])
     each = np.sqrt((((query - inside) ** 2) * inverse).sum(axis=1))
     assert np.allclose(distances, [each[CONCEPTS.assignment == c].mean() for c in (0, 1)], rtol=1e-6)

@@ -52,6 +52,21 @@ def answers() -> list[Response]:
     return [answer(points) for points in unknown()]
 
 
+@cache
+def scored_relatively() -> ShapeModel:
+    """The default model, less the measure of what is usual."""
+    params = learnt().params
+    response = params.response.model_copy(update={"score": "relative"})
+    return replace(learnt(), params=params.model_copy(update={"response": response}))
+
+
+@cache
+def usual() -> tuple[Points, Points]:
+    """Mean and deviation of what the training objects themselves respond."""
+    known = [scored_relatively().respond(named.cloud).responses for named in named_clouds()]
+    return np.mean(known, axis=0), np.std(known, axis=0)
+
+
 def same_bits(a: Response, b: Response) -> bool:
     arrays = ("responses", "distances", "concept_ids", "concept_sizes", "ranking")
     others = ("time", "segments", "extent_m", "truncated", "warnings")
@@ -133,7 +148,8 @@ def test_a_response_is_what_it_says(preset: str):
         if preset == "paper":
             assert np.array_equal(response.responses, response.distances)
         else:
-            assert response.responses.mean() == pytest.approx(0, abs=1e-9 * np.abs(response.distances).max() ** 2)
+            relative, mean, deviation = answer(points, of=scored_relatively()).responses, *usual()
+            assert np.allclose(response.responses, (relative - mean) / deviation, rtol=1e-6, atol=1e-6)
 
 
 @presets
