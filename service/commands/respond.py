@@ -62,8 +62,15 @@ def respond(
         pose = parse_viewpoint(viewpoint) if viewpoint else None
     except InvalidParameter as error:
         raise click.BadParameter(str(error), param_hint="--viewpoint") from error
-    application = application_of(store)
-    name, version = application.prepare(model)
+    try:
+        application = application_of(store)
+        name, version = application.prepare(model)
+    except ShapeConceptsError as error:
+        if not as_json:
+            raise
+        for file in clouds:
+            _report(file, error, as_json)
+        sys.exit(1)
     failed = 0
     for number, file in enumerate(clouds):
         try:

@@ -87,6 +87,27 @@ def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
     assert good["responses"]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [
+        (["--model", "nobody"], "model-not-found"),
+        (["--model", "No Body"], "invalid-parameter"),
+        (["--store", "nothing"], "model-not-found"),
+        (["--store", "good.ply"], "store-unavailable"),
+        (["--store", "ftp://x"], "store-unavailable"),
+    ],
+)
+def test_without_a_model_each_cloud_has_its_line_of_json(folder: Path, arguments: list[str], kind: str) -> None:
+    result = run("respond", "--json", "good.ply", "bad.ply", *arguments)
+    assert result.exit_code == 1
+    first, second = lines(result)
+    assert (first["file"], second["file"]) == ("good.ply", "bad.ply")
+    assert set(first) == {"file", "error"}
+    assert first["error"] == second["error"]
+    assert first["error"]["type"] == kind
+    assert first["error"]["detail"]
+
+
 def test_for_people_results_are_a_table_and_errors_a_line_on_stderr(folder: Path) -> None:
     result = run("respond", "bad.ply", "good.ply", "--top", "1")
     assert result.exit_code == 1
