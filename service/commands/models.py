@@ -75,7 +75,9 @@ def export(model: str, out: Path, as_json: bool, store: str | None) -> None:
 
 @models.command(
     epilog=examples(
-        "shape-concepts models promote default:2", "shape-concepts models promote default:2 --alias staging"
+        "shape-concepts models promote default:2",
+        "shape-concepts models promote default:2 --alias staging",
+        "shape-concepts models promote default@staging",
     )
 )
 @click.argument("model", metavar="NAME:VERSION")
@@ -83,7 +85,12 @@ def export(model: str, out: Path, as_json: bool, store: str | None) -> None:
 @json_option
 @store_option
 def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
-    """Lets an alias mean a version from now on."""
+    """Lets an alias mean a version from now on.
+
+    The version is named by its number, or as NAME@ALIAS by another alias.
+    """
+    if not {":", "@"} & set(model):
+        raise click.BadParameter(f"say which version shall be meant, as {model}:2.", param_hint="NAME:VERSION")
     name, version = application_of(store).promote(model, alias)
     done({"model": name, "version": version, "alias": alias}, f"{name}@{alias} is version {version} now.", as_json)
 

@@ -139,6 +139,7 @@ def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
         (["respond", "good.ply", "--top", "0"], 2, "--top"),
         (["respond", "good.ply", "--unit", "furlong"], 2, "--unit"),
         (["respond", "good.ply", "--viewpoint", "1,2"], 2, "--viewpoint"),
+        (["models", "promote", "tiny"], 2, "tiny:2"),
         (["nonsense"], 2, "nonsense"),
     ],
 )
@@ -173,6 +174,7 @@ def test_models_can_be_listed_shown_promoted_and_rolled_back(
     assert [entry["version"] for entry in shown["aliases"]["production"]] == [1, 2]
     assert lines(run("models", "rollback", "tiny", "--json"))[0]["version"] == 1
     assert lines(run("models", "promote", "tiny:2", "--alias", "staging", "--json"))[0]["alias"] == "staging"
+    assert lines(run("models", "promote", "tiny@staging", "--json"))[0]["version"] == 2
     for command in (["list"], ["show", "tiny"]):
         result = run("models", *command)
         assert result.exit_code == 0
