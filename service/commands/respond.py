@@ -14,6 +14,8 @@ from service.commands.reporting import examples
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from service.progress import watched
 
+COMPILING = "still at work: the first cloud after an installation takes up to half a minute, as the engine is compiled"
+
 
 @click.command(
     epilog=examples(
@@ -74,9 +76,10 @@ def respond(
     failed = 0
     for number, file in enumerate(clouds):
         try:
-            with watched(file, number, len(clouds)) as on_stage:
+            data = _read(file)
+            with watched(file, number, len(clouds), excuse=COMPILING) as on_stage:
                 answer = application.respond(
-                    CloudFile(_read(file), None, file, unit, pose),
+                    CloudFile(data, None, file, unit, pose),
                     model=name,
                     version=version,
                     time=time,
