@@ -44,7 +44,7 @@ def describe(graph: SegmentGraph, members: NDArray[np.bool_], params: Descriptor
     mean /= mean.sum(axis=1, keepdims=True)
     if params.shape_weight == 0:
         return mean.astype(np.float32)
-    triples = np.random.default_rng(0).random((params.draws, 3))
+    triples = np.random.default_rng(0).random((params.draws, 3))  # the same for all: part of the descriptor
     shape = np.stack([_shape(graph.points[m], graph.normals[m], triples) for m in members[:, graph.labels]])
     return np.hstack([(1 - params.shape_weight) * mean, params.shape_weight * shape]).astype(np.float32)
 

@@ -1,7 +1,8 @@
 """The parameters of every stage, with their bounds, units and where they come from.
 
 One frozen model a stage; `ModelParams` nests them. The same classes feed the command line, the manifest of a
-published model and the documentation. `ModelParams.preset("paper")` holds the paper's own choices.
+published model and the documentation. `ModelParams.preset("paper")` holds the paper's own choices;
+what the defaults gain over them is measured in `tests/benchmarks/RESULTS.md`.
 """
 
 from __future__ import annotations
