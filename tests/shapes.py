@@ -13,7 +13,7 @@ from worker.simulation.camera import View
 from worker.simulation.compositions import Composition, Prototype
 from worker.simulation.params import CameraParams, SimulationParams
 from worker.simulation.raycast import render
-from worker.simulation.sensor import Observation, observe
+from worker.simulation.sensor import Measurement, measure
 
 CAMERA = CameraParams(width=320, height=320)  # the middle of a Kinect's image: objects stand there
 KINECT = SimulationParams(noise="kinect", renderer="raycast", camera=CAMERA)
@@ -64,11 +64,11 @@ def look(azimuth: float, elevation: float, distance: float, roll: float = 0.0) -
     return View(pose)
 
 
-def see(composition: Composition, view: View, noise: str = "none", seed: int = 0) -> Observation:
+def see(composition: Composition, view: View, noise: str = "none", seed: int = 0) -> Measurement:
     """What a depth camera measures: `noise` is "none" or "kinect"."""
     params = NOISELESS if noise == "none" else KINECT
     image = render(composition, view, params.camera, 1e-5)
-    return observe(image, composition, view, params, np.random.default_rng(seed))
+    return measure(image, composition, view, params, np.random.default_rng(seed))
 
 
 class Truth(NamedTuple):
@@ -79,13 +79,13 @@ class Truth(NamedTuple):
 
 
 def truth(
-    points: NDArray[np.float64], frame: Frame, observation: Observation, composition: Composition, view: View
+    points: NDArray[np.float64], frame: Frame, measurement: Measurement, composition: Composition, view: View
 ) -> Truth:
     """What the nearest measured point tells of each point (M, 3) of the object's own frame."""
-    near = cKDTree(observation.cloud.points).query(frame.to_sensor(points))[1]
-    labels = observation.labels[near].astype(np.int64)
-    normals = composition.normals(view.to_composition(observation.cloud.points[near].astype(np.float64)), labels)
-    return Truth(observation.faces[near], normals @ view.pose[:3, :3] @ frame.axes)
+    near = cKDTree(measurement.cloud.points).query(frame.to_sensor(points))[1]
+    labels = measurement.labels[near].astype(np.int64)
+    normals = composition.normals(view.to_composition(measurement.cloud.points[near].astype(np.float64)), labels)
+    return Truth(measurement.faces[near], normals @ view.pose[:3, :3] @ frame.axes)
 
 
 def corner_view(seed: int, distance: float, least: float = 0.3) -> View:

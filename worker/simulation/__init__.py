@@ -18,7 +18,7 @@ from service.engine.errors import InvalidParameter, RendererUnavailable
 from worker.simulation.camera import DepthImage, View, draw_view
 from worker.simulation.compositions import Composition, Prototype, compose
 from worker.simulation.params import SimulationParams
-from worker.simulation.sensor import observe
+from worker.simulation.sensor import measure
 
 __all__ = ["Composition", "Prototype", "SimulatedObject", "SimulationParams", "View", "simulate"]
 
@@ -123,7 +123,7 @@ def simulate_object(index: int, seed: int, params: SimulationParams) -> Simulate
         composition = compose(order, params.prototypes, rng)
         view = draw_view(composition, params.camera, rng)
         image = _render(composition, view, params)
-        cloud, labels, faces = observe(image, composition, view, params, rng)
+        cloud, labels, faces = measure(image, composition, view, params, rng)
         if len(cloud.points) >= params.min_points:
             return SimulatedObject(index, cloud, composition, view, labels, faces)
     raise InvalidParameter(

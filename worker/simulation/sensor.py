@@ -19,7 +19,7 @@ from worker.simulation.params import SimulationParams
 MARGIN = 8  # pixels around the object into which lateral noise may carry its silhouette
 
 
-class Observation(NamedTuple):
+class Measurement(NamedTuple):
     """A cloud, and what is true of each of its points.
 
     Attributes:
@@ -43,9 +43,9 @@ class _Pixels(NamedTuple):
     angle: NDArray[np.float64]
 
 
-def observe(
+def measure(
     image: DepthImage, composition: Composition, view: View, params: SimulationParams, rng: np.random.Generator
-) -> Observation:
+) -> Measurement:
     """Turns a true depth image into the cloud that a sensor with `params.noise` would give."""
     pixels = _pixels(image, composition, view, params)
     if params.noise == "kinect":
@@ -56,7 +56,7 @@ def observe(
         depth = pixels.depth
     returned = depth > 0
     points = pixels.rays[returned] * depth[returned, None]
-    return Observation(
+    return Measurement(
         PointCloud(points.astype(np.float32)),
         pixels.labels[returned].astype(np.int32),
         pixels.faces[returned].astype(np.int32),

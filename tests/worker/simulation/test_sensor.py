@@ -15,7 +15,7 @@ from worker.simulation.camera import DepthImage, View
 from worker.simulation.compositions import Composition
 from worker.simulation.params import SensorParams, SimulationParams
 from worker.simulation.raycast import render
-from worker.simulation.sensor import axial_sigma, disparity_step, lateral_sigma, observe
+from worker.simulation.sensor import axial_sigma, disparity_step, lateral_sigma, measure
 
 STEPS = 525 * 0.075 * 8  # eighths of a pixel of disparity at a metre, of a focal length of 525 pixels and 7.5 cm
 
@@ -47,7 +47,7 @@ def plate(tilt: float, distance: float, size: float = 0.5) -> Plate:
 def errors(tilt: float, distance: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(M,) measured less true depth well within a tilted plate, and the deviation published for it, metres."""
     seen = plate(tilt, distance)
-    cloud = observe(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(seed)).cloud
+    cloud = measure(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(seed)).cloud
     rows, columns = pixels_of(cloud)
     inner = seen.inner[rows, columns]
     points, true = cloud.points.astype(np.float64)[inner], seen.image.depth[rows, columns][inner]
@@ -80,7 +80,7 @@ def test_deviations_known_by_heart() -> None:
 @pytest.mark.parametrize("tilt", [0, 50])
 def test_all_depths_are_whole_eighths_of_a_pixel_of_disparity(tilt: float) -> None:
     seen = plate(tilt, 1.0)
-    cloud = observe(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(0)).cloud
+    cloud = measure(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(0)).cloud
     steps = STEPS / cloud.points[:, 2].astype(np.float64)
     assert np.abs(steps - np.rint(steps)).max() < 1e-3
     depths = np.unique(cloud.points[:, 2]).astype(np.float64)
@@ -95,7 +95,7 @@ def test_finer_disparities_give_finer_depths() -> None:
     counts = []
     for steps in (1, 8, 64):
         params = SimulationParams(camera=CAMERA, sensor=SensorParams(disparity_steps=steps))
-        cloud = observe(seen.image, seen.solid, seen.view, params, np.random.default_rng(0)).cloud
+        cloud = measure(seen.image, seen.solid, seen.view, params, np.random.default_rng(0)).cloud
         counts.append(len(np.unique(cloud.points[:, 2])))
     assert counts[0] * 2 < counts[1] < counts[2] / 2
 
@@ -104,8 +104,8 @@ def test_finer_disparities_give_finer_depths() -> None:
 def test_nothing_returns_from_a_surface_seen_at_a_grazing_angle(tilt: float, returns: bool) -> None:
     seen = plate(tilt, 1.0, size=0.1)
     lid = 5  # of a box
-    assert lid in observe(seen.image, seen.solid, seen.view, NOISELESS, np.random.default_rng(0)).faces
-    faces = observe(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(0)).faces
+    assert lid in measure(seen.image, seen.solid, seen.view, NOISELESS, np.random.default_rng(0)).faces
+    faces = measure(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(0)).faces
     assert (lid in faces) == returns
 
 
@@ -121,7 +121,7 @@ def test_edges_are_blurred_by_the_published_fraction_of_a_pixel() -> None:
     middle = slice(rows.min() + 10, rows.max() - 9)
     returned = np.zeros((40, *seen.image.labels.shape))
     for seed, picture in enumerate(returned):
-        cloud = observe(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(seed)).cloud
+        cloud = measure(seen.image, seen.solid, seen.view, KINECT, np.random.default_rng(seed)).cloud
         picture[pixels_of(cloud)] = 1
     reach = np.arange(-6, 6)
     right = returned[:, middle, columns.max() + 1 + reach].mean(axis=(0, 1))
@@ -140,7 +140,7 @@ def test_borders_of_prototypes_are_blurred_and_their_labels_go_with_the_depths()
     solid = stack((box(0.3, 0.3, 0.02), (0, 0, 0)), (box(0.1, 0.1, 0.02), (0, 0, 0.2)))  # one far before the other
     view = look(0, 90, 1.2)
     image = render(solid, view, CAMERA, 1e-4)
-    seen = observe(image, solid, view, KINECT, np.random.default_rng(0))
+    seen = measure(image, solid, view, KINECT, np.random.default_rng(0))
     rows, columns = pixels_of(seen.cloud)
     crossed = (image.labels[rows, columns] != seen.labels) & (image.labels[rows, columns] >= 0)
     assert 20 < crossed.sum() < 2000
@@ -153,7 +153,7 @@ def test_borders_of_prototypes_are_blurred_and_their_labels_go_with_the_depths()
 def test_without_noise_every_pixel_that_sees_something_is_an_exact_point() -> None:
     solid, view = stack((box(0.2, 0.1, 0.1), (0, 0, 0)), (ball(0.06), (0, 0.05, 0.06))), look(40, 30, 0.8)
     image = render(solid, view, CAMERA, 1e-5)
-    seen = observe(image, solid, view, NOISELESS, np.random.default_rng(0))
+    seen = measure(image, solid, view, NOISELESS, np.random.default_rng(0))
     rows, columns = pixels_of(seen.cloud)
     assert len(set(zip(rows, columns, strict=True))) == len(rows) == (image.labels >= 0).sum()
     assert seen.cloud.points[:, 2] == pytest.approx(image.depth[rows, columns], rel=1e-6)
@@ -171,6 +171,6 @@ def test_one_seed_gives_the_same_bits_and_only_noise_asks_for_one(noise: str) ->
 def test_an_empty_picture_is_an_empty_cloud(params: SimulationParams) -> None:
     shape = (CAMERA.height, CAMERA.width)
     nothing = DepthImage(np.zeros(shape), np.full(shape, -1))
-    seen = observe(nothing, ball(0.1), look(0, 0, 1.0), params, np.random.default_rng(0))
+    seen = measure(nothing, ball(0.1), look(0, 0, 1.0), params, np.random.default_rng(0))
     assert seen.cloud.points.shape == (0, 3)
     assert len(seen.labels) == len(seen.faces) == 0
