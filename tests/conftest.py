@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-ON_SCANS = pytest.StashKey[set[str]]()
+ON_SCANS = ("data", "real scans")  # the property of a test that needs them
 
 
 def data_folder() -> Path:
@@ -24,15 +24,16 @@ def scans() -> Path:
     return folder
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    config.stash[ON_SCANS] = {item.nodeid for item in items if item.get_closest_marker("data")}
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.get_closest_marker("data"):
+            item.user_properties.append(ON_SCANS)  # goes with the report, from a worker process too
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Says how many tests on real scans were run, and how many were skipped for want of them."""
-    on_scans = config.stash.get(ON_SCANS, set())
     counts = {
-        outcome: sum(report.nodeid in on_scans for report in terminalreporter.getreports(outcome))
+        outcome: sum(ON_SCANS in map(tuple, report.user_properties) for report in terminalreporter.getreports(outcome))
         for outcome in ("passed", "failed", "skipped")
     }
     run = counts["passed"] + counts["failed"]
