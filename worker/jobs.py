@@ -46,6 +46,7 @@ from worker.job_steps import JOBS, JobFiles, gather, learn, publish
 RECOVERIES = 50  # a job that was begun as often without coming to an end is given up: it may be what kills workers
 TIDY_WARNING = "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker"
 LOOK_EVERY = 1.0  # seconds between two looks whether a job was cancelled
+SIGNAL_CHECK = 0.5  # seconds; a signal that another thread took wakes no wait without an end
 
 log = logging.getLogger(__name__)
 
@@ -231,7 +232,8 @@ def run(settings: Settings, name: str, processes: int) -> None:
         worker = Worker(settings, name, processes)
         worker.start()
         log.info("worker %s takes jobs from %s and publishes to %s", name, plain(settings.jobs_url), settings.store)
-        told_to_end.wait()
+        while not told_to_end.wait(SIGNAL_CHECK):
+            pass
         log.info("ending")
         if worker.stop():
             _leave()
