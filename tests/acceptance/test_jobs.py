@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +39,16 @@ class Place:
 
     @contextmanager
     def worker(self, log: str) -> Iterator[Worker]:
-        """A worker process, killed in the end if it is still there."""
+        """A worker process; what is left of it and of its helpers in the end is killed."""
         file = self.folder / f"{log}.log"
         command = [sys.executable, "-m", "worker.cli", "run", "--worker", "tested", "--workers", "2"]
         with file.open("w") as stderr:
-            process = subprocess.Popen(command, env=self.environment, stderr=stderr)
+            process = subprocess.Popen(command, env=self.environment, stderr=stderr, start_new_session=True)
         try:
             yield Worker(process, file)
         finally:
-            process.kill()
+            with suppress(ProcessLookupError):  # those that a killed worker computed with are of its group
+                os.killpg(process.pid, signal.SIGKILL)
             process.wait()
 
 
