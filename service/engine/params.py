@@ -54,7 +54,9 @@ class PatchParams(StageParams):
 class SegmentParams(StageParams):
     """Super patches: patches merged across smooth borders."""
 
-    angle: float = Field(30.0, gt=0, lt=180, description="largest bend of a border that is merged across, degrees")
+    angle: float = Field(
+        30.0, gt=0, lt=180, description="border that bends by more than this beyond its patches is a crease, degrees"
+    )
     min_share: float = Field(0.03, ge=0, lt=0.5, description="smaller segments are absorbed, share of the surface")
     max_segments: int = Field(24, ge=1, le=62, description="the smallest segments beyond this number are absorbed")
 

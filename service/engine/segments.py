@@ -14,7 +14,6 @@ from service.engine.params import SegmentParams
 from service.engine.patches import Patches
 
 BAND = 2.5  # voxels on either side of a border whose normals speak for that side
-CURVED = 1.0  # share of its own bend that either patch lends to a border
 MOST_CURVED = np.radians(15)  # a patch that bends more may straddle a crease
 GAP = 2.5  # voxels that missing returns may put between two segments of one surface
 
@@ -74,14 +73,17 @@ def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
 
 
 def _borders(patches: Patches) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Summed bends, negative, in radians (P, P), and numbers of touching voxel pairs (P, P), of every two patches."""
+    """Summed slack, radians (P, P), and numbers of touching voxel pairs (P, P), of every two patches.
+
+    The slack of a pair is what its patches bend in themselves less what the border bends: negative at a crease.
+    """
     near = neighbourhood(patches.cloud.points, BAND * patches.cloud.size)
     sides = _side_normals(patches.normals, patches.labels, near.indptr, near.indices)
     touch = patches.adjacent
     across = patches.labels[touch.rows] != patches.labels[touch.indices]
     a, b = touch.rows[across], touch.indices[across]
     bend = np.arccos(np.clip(np.einsum("ij,ij->i", sides[a], sides[b]), -1, 1))
-    curved = CURVED * np.minimum(_own_bend(patches), MOST_CURVED)
+    curved = np.minimum(_own_bend(patches), MOST_CURVED)
     slack = curved[patches.labels[a]] + curved[patches.labels[b]] - bend
     keys = patches.labels[a] * patches.count + patches.labels[b]
     shape = (patches.count, patches.count)
