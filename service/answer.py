@@ -40,6 +40,13 @@ class Answer(BaseModel):
     responses: list[float] = Field(description="of every concept, in concept order: the scored form, smaller is closer")
     distances: list[float] = Field(description="of every concept, in concept order: Eq. 4, as the paper has it")
     concepts: list[Concept] = Field(description="best first; as many as `top` asked for")
+    novelty: float = Field(
+        ge=0,
+        le=1,
+        description="how unlike everything learned the object is: the share of the training objects that are less "
+        "far from all others than the object is from all of them. Objects like the learned ones have any value "
+        "equally often; at 0.95 it is farther from everything learned than 95 % of that is from one another",
+    )
     segments: int = Field(ge=0, description="segments that the cloud was divided into")
     extent_m: float = Field(description="the object's robust diameter, metres")
     truncated: bool = Field(description="whether constellations were left out because there were too many")
@@ -78,6 +85,7 @@ def compose(
             )
             for rank, position in enumerate(response.ranking[:top], start=1)
         ],
+        novelty=response.novelty,
         segments=response.segments,
         extent_m=response.extent_m,
         truncated=response.truncated,

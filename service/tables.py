@@ -18,7 +18,7 @@ def show_answer(file: str, answer: Answer) -> None:
     total = sum(answer.timings_ms.values())
     title = (
         f"{escape(file)}  ({answer.model}:{answer.version} at time {answer.time:.2f}; {answer.segments} segments, "
-        f"{answer.extent_m * 100:.1f} cm across, {total:.0f} ms)"
+        f"{answer.extent_m * 100:.1f} cm across, novelty {answer.novelty:.2f}, {total:.0f} ms)"
     )
     table = Table(title=title, title_justify="left", title_style="bold")
     for heading in ("rank", "concept", "name", "response", "distance (Eq. 4)", "prototypes"):

@@ -18,6 +18,7 @@ from service.engine.dictionary import Dictionary
 from service.engine.filtration import Filtration, time_step
 from service.engine.metric import Metric
 from service.engine.motifs import Ensemble
+from service.engine.novelty import NoveltyScale, divergences_from, whole_of
 from service.engine.params import ModelParams
 from service.engine.perception import OnStage, ignore_stage, perceive
 from service.engine.prototypes import Prototypes
@@ -35,6 +36,8 @@ class Response:
         concept_ids: (C,) int64: the concepts' nodes in the merge tree.
         concept_sizes: (C,) int64: numbers of concept prototypes.
         ranking: (C,) int64: places of the concepts, closest first; of equal ones the first.
+        novelty: how unlike everything learned the object is, [0, 1]: the share of the training objects that are less
+            apart from all others.
         time: the filtration time of the concepts, [0, 1].
         segments: number of segments S that the object was seen to have.
         extent_m: the object's robust diameter, metres.
@@ -48,6 +51,7 @@ class Response:
     concept_ids: NDArray[np.int64]
     concept_sizes: NDArray[np.int64]
     ranking: NDArray[np.int64]
+    novelty: float
     time: float
     segments: int
     extent_m: float
@@ -68,6 +72,7 @@ class ShapeModel:
         space: the topological space X.
         filtration: of X, with F.
         metric: between stimuli vectors.
+        novelty_scale: what novelty is measured by.
         prototypes: what is known of the training objects.
         notes: what the rules for degenerate outcomes had to say.
     """
@@ -79,6 +84,7 @@ class ShapeModel:
     space: TopologicalSpace
     filtration: Filtration
     metric: Metric
+    novelty_scale: NoveltyScale
     prototypes: Prototypes
     notes: tuple[str, ...]
 
@@ -101,6 +107,10 @@ class ShapeModel:
         words = self.dictionary.words(seen.segment_descriptors)
         stimuli = stimulate(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
 
+        on_stage("novelty")
+        whole = seen.descriptors[whole_of(seen.constellations)]
+        divergences = divergences_from(whole, self.ensemble, self.novelty_scale)
+
         on_stage("responses")
         responses, distances = respond_to_concepts(
             stimuli, concepts, self.metric, self.embedded_prototypes, self._baseline(concepts), self.params.response
@@ -111,6 +121,7 @@ class ShapeModel:
             concept_ids=concepts.ids,
             concept_sizes=concepts.sizes,
             ranking=np.argsort(responses, kind="stable"),
+            novelty=self.novelty_scale.novelty(divergences.min()),
             time=concepts.time,
             segments=seen.graph.count,
             extent_m=seen.graph.frame.extent,

@@ -45,6 +45,8 @@ LAYOUT = {
     "metric.hellinger": Kind(np.uint8, (1,)),
     "ensemble.prototypes": Kind(np.float32, ("motif prototypes", "bins")),
     "ensemble.objects": Kind(np.int64, ("motif prototypes",)),
+    "novelty.wholes": Kind(np.int64, ("objects",)),
+    "novelty.divergences": Kind(np.float32, ("objects",)),
     "prototypes.cloud_keys": Kind(np.uint8, ("letters of keys",)),
     "prototypes.cloud_hashes": Kind(np.uint8, ("letters of hashes",)),
     "prototypes.thumbnails": Kind(np.uint8, ("objects", 48, 48)),

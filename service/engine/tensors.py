@@ -17,6 +17,7 @@ from service.engine.errors import ModelDamaged
 from service.engine.filtration import Filtration
 from service.engine.metric import Metric
 from service.engine.motifs import Ensemble, Hierarchy, Motif
+from service.engine.novelty import NoveltyScale
 from service.engine.params import ModelParams
 from service.engine.prototypes import Prototypes
 from service.engine.space import TopologicalSpace
@@ -52,6 +53,8 @@ def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
         "metric.hellinger": np.array([metric.hellinger], dtype=np.uint8),
         "ensemble.prototypes": model.ensemble.prototypes,
         "ensemble.objects": model.ensemble.objects,
+        "novelty.wholes": model.novelty_scale.wholes,
+        "novelty.divergences": model.novelty_scale.divergences,
         "prototypes.cloud_keys": _text(prototypes.cloud_keys),
         "prototypes.cloud_hashes": _text(prototypes.cloud_hashes),
         "prototypes.thumbnails": prototypes.thumbnails,
@@ -102,6 +105,7 @@ def _parts(tensors: Tensors, levels: int) -> dict[str, Any]:
             residual_variance=float(tensors["metric.residual_variance"][0]),
             hellinger=bool(tensors["metric.hellinger"][0]),
         ),
+        "novelty_scale": NoveltyScale(tensors["novelty.wholes"], tensors["novelty.divergences"]),
         "prototypes": Prototypes(
             _lines(tensors["prototypes.cloud_keys"]),
             _lines(tensors["prototypes.cloud_hashes"]),
@@ -119,6 +123,7 @@ def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> N
         ModelDamaged: naming what does not hold.
     """
     ensemble, metric, filtration, space = (parts[name] for name in ("ensemble", "metric", "filtration", "space"))
+    scale = parts["novelty_scale"]
     size, vertices = parts["stimuli"].shape
     rules: list[tuple[str, Callable[[], bool]]] = [
         ("there are at least 2 training objects", lambda: size >= 2),
@@ -138,6 +143,8 @@ def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> N
         ("variances are positive", lambda: metric.variance.min() > 0 and metric.residual_variance > 0),
         ("the metric is the parameters'", lambda: int(tensors["metric.hellinger"][0]) == params.response.hellinger),
         ("every motif prototype has an object", lambda: _inside(ensemble.objects, size)),
+        ("every training object has its whole", lambda: _are_wholes(scale.wholes, ensemble)),
+        ("divergences ascend", lambda: scale.divergences[0] >= 0 and bool((np.diff(scale.divergences) >= 0).all())),
         ("descriptions are not negative", lambda: ensemble.prototypes.min() >= 0),
         ("motif vertices are unique", lambda: all(len(h.index) == len(h.vertices) for h in ensemble.hierarchies)),
         ("every object has a key", lambda: len(parts["prototypes"].cloud_keys) == size),
@@ -150,6 +157,12 @@ def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> N
 
 def _inside(index: NDArray[Any], size: int) -> bool:
     return len(index) == 0 or bool(index.min() >= 0 and index.max() < size)
+
+
+def _are_wholes(wholes: NDArray[np.int64], ensemble: Ensemble) -> bool:
+    """Whether these are motif prototypes, one of each training object in turn."""
+    own = np.arange(len(wholes))
+    return _inside(wholes, len(ensemble.objects)) and np.array_equal(ensemble.objects[wholes], own)
 
 
 def _in_order(pairs: NDArray[np.int64]) -> bool:

@@ -17,6 +17,7 @@ from service.engine.errors import ModelDamaged, ModelIncompatible
 from service.engine.model import ShapeModel
 from service.model_file import (
     FORMAT,
+    FORMAT_VERSION,
     TENSORS,
     VARYING,
     Content,
@@ -95,7 +96,7 @@ def test_each_tensor_is_missed_when_it_is_missing(data: bytes, manifest: Manifes
     tensors = safetensors.numpy.load(data)
     for missing in tensors:
         rest = {name: array for name, array in tensors.items() if name != missing}
-        forged = safetensors.numpy.save(rest, metadata={"format": f"{FORMAT}/1"})
+        forged = safetensors.numpy.save(rest, metadata={"format": f"{FORMAT}/{FORMAT_VERSION}"})
         with pytest.raises(ModelDamaged):
             decode(forged, manifest)
         with pytest.raises(ModelDamaged):
@@ -117,11 +118,11 @@ def test_files_that_are_no_shape_model_are_refused_with_the_reason(manifest: Man
 
 
 def test_a_layout_of_later_software_is_refused_as_such(data: bytes, manifest: Manifest) -> None:
-    newer = safetensors.numpy.save(safetensors.numpy.load(data), metadata={"format": f"{FORMAT}/2"})
-    with pytest.raises(ModelIncompatible, match=f"{FORMAT}/2"):
+    newer = safetensors.numpy.save(safetensors.numpy.load(data), metadata={"format": f"{FORMAT}/{FORMAT_VERSION + 1}"})
+    with pytest.raises(ModelIncompatible, match=f"{FORMAT}/{FORMAT_VERSION + 1}"):
         decode(newer, claiming(manifest, newer))
-    facts = json.loads(write_manifest(manifest)) | {"format_version": 2}
-    with pytest.raises(ModelIncompatible, match="format version 2"):
+    facts = json.loads(write_manifest(manifest)) | {"format_version": FORMAT_VERSION + 1}
+    with pytest.raises(ModelIncompatible, match=f"format version {FORMAT_VERSION + 1}"):
         read_manifest(json.dumps(facts).encode())
 
 

@@ -23,6 +23,7 @@ from worker.learning.dictionary import learn_dictionary
 from worker.learning.filtration import filtrate
 from worker.learning.hierarchy import grow_ensemble
 from worker.learning.metric import learn_metric
+from worker.learning.novelty import learn_novelty
 from worker.learning.observations import NamedCloud, Observation, Refusal, observe
 from worker.learning.prototypes import draw_map
 from worker.learning.space import build_space
@@ -79,6 +80,9 @@ def train(
         on_stage("metric")
         metric = learn_metric(stimuli, params.response)
 
+        on_stage("novelty")
+        novelty_scale = learn_novelty(objects, ensemble)
+
         on_stage("map")
         prototypes = Prototypes(
             cloud_keys=tuple(o.key for o in objects),
@@ -87,7 +91,19 @@ def train(
             map=draw_map(metric.embed(stimuli), seed),
         )
     return Trained(
-        ShapeModel(params, dictionary, ensemble, stimuli, space, filtration, metric, prototypes, notes), refused
+        ShapeModel(
+            params=params,
+            dictionary=dictionary,
+            ensemble=ensemble,
+            stimuli=stimuli,
+            space=space,
+            filtration=filtration,
+            metric=metric,
+            novelty_scale=novelty_scale,
+            prototypes=prototypes,
+            notes=notes,
+        ),
+        refused,
     )
 
 

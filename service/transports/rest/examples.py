@@ -87,6 +87,7 @@ ANSWER: dict[str, Any] = {
             "prototypes": 45,
         },
     ],
+    "novelty": 0.9,
     "segments": 3,
     "extent_m": 0.14435725843247954,
     "truncated": False,
@@ -99,6 +100,7 @@ ANSWER: dict[str, Any] = {
         "constellations": 0.13,
         "descriptors": 1.928,
         "stimuli": 16.645,
+        "novelty": 0.05,
         "responses": 0.727,
     },
 }
@@ -114,7 +116,7 @@ MANIFEST: dict[str, Any] = {
     "version": 1,
     "created": "2026-11-22T05:29:48Z",
     "format": "shape-concepts-model",
-    "format_version": 1,
+    "format_version": 2,
     "seed": 7,
     "params": ModelParams().model_dump(mode="json"),
     "source": {

@@ -69,7 +69,7 @@ def usual() -> tuple[Points, Points]:
 
 def same_bits(a: Response, b: Response) -> bool:
     arrays = ("responses", "distances", "concept_ids", "concept_sizes", "ranking")
-    others = ("time", "segments", "extent_m", "truncated", "warnings")
+    others = ("novelty", "time", "segments", "extent_m", "truncated", "warnings")
     return (
         all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in arrays)
         and all(getattr(a, name) == getattr(b, name) for name in others)
@@ -204,7 +204,7 @@ def test_concepts_before_the_first_annexation_are_an_empty_answer():
     assert len(response.responses) == len(response.ranking) == 0
 
 
-STAGES = ["normalise", "patches", "segments", "constellations", "descriptors", "stimuli", "responses"]
+STAGES = ["normalise", "patches", "segments", "constellations", "descriptors", "stimuli", "novelty", "responses"]
 
 
 def test_stages_are_told_in_their_order():

@@ -121,7 +121,7 @@ def test_a_handful_of_objects_even_if_all_alike_makes_a_model_that_answers(prese
 
 STAGES = [
     "segments and descriptors", "dictionary", "motif hierarchies", "stimuli", "topological space", "filtration",
-    "concepts", "metric", "map",
+    "concepts", "metric", "novelty", "map",
 ]  # fmt: skip
 
 

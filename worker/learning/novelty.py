@@ -1,0 +1,34 @@
+"""Learning what novelty is measured by: how unlike each other the training objects are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from service.engine.divergence import jsd_matrix
+from service.engine.motifs import Ensemble
+from service.engine.novelty import NoveltyScale, whole_of
+from worker.learning.observations import Observation
+
+ROWS = 256  # objects compared with all at a time: bounds the memory
+
+
+def learn_novelty(objects: Sequence[Observation], ensemble: Ensemble) -> NoveltyScale:
+    """Leaves each of the N training objects out in turn, and measures how far it is from the nearest of the others.
+
+    Args:
+        objects: N of them, at least 2.
+        ensemble: grown from them; its prototypes are their constellations, object after object.
+    """
+    sizes = [len(o.descriptors) for o in objects]
+    first = np.cumsum([0, *sizes[:-1]], dtype=np.int64)
+    wholes = first + np.array([whole_of(o.constellations) for o in objects], dtype=np.int64)
+    descriptors = ensemble.prototypes[wholes]
+    nearest = np.empty(len(objects), np.float32)
+    for start in range(0, len(objects), ROWS):
+        own = np.arange(start, min(start + ROWS, len(objects)))
+        divergence = jsd_matrix(descriptors[own], descriptors)
+        divergence[own - start, own] = np.inf
+        nearest[own] = divergence.min(axis=1)
+    return NoveltyScale(wholes, np.sort(nearest))
