@@ -119,8 +119,7 @@ def respond_to_concepts(
         The form that is scored (C,), and the mean Mahalanobis distance to each concept's prototypes, Eq. 4 (C,); of
         both, smaller is closer.
     """
-    row = csr_array((stimuli.values, stimuli.indices, [0, len(stimuli.indices)]), shape=(1, len(metric.weights)))
-    squared = ((prototypes - metric.embed(row)) ** 2).sum(axis=1) + metric.residual(row)
+    squared = squared_distances(stimuli, metric, prototypes)
     distances = _mean_over_concepts(np.sqrt(squared), concepts)
     if params.score == "distance" or len(distances) == 0:
         return distances, distances
@@ -129,6 +128,12 @@ def respond_to_concepts(
     if params.score == "relative":
         return relative, distances
     return (relative - baseline.mean) / baseline.deviation, distances
+
+
+def squared_distances(stimuli: Stimuli, metric: Metric, prototypes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared Mahalanobis distances of an object from all training objects (N,)."""
+    row = csr_array((stimuli.values, stimuli.indices, [0, len(stimuli.indices)]), shape=(1, len(metric.weights)))
+    return np.asarray(((prototypes - metric.embed(row)) ** 2).sum(axis=1) + metric.residual(row))
 
 
 def _mean_over_concepts(values: NDArray[np.float64], concepts: Concepts) -> NDArray[np.float64]:

@@ -24,6 +24,18 @@ class Stimuli(NamedTuple):
     values: NDArray[np.float32]
 
 
+class Excitation(NamedTuple):
+    """What each constellation of an object alone excites.
+
+    Attributes:
+        alpha: (C, V) float64: the stimulus that each constellation gives each vertex, 0 where it does not activate it.
+        active: (C, V) bool: which constellation activates which vertex: the indicator of Eq. 1; None where all do.
+    """
+
+    alpha: NDArray[np.float64]
+    active: NDArray[np.bool_] | None
+
+
 def stimulate(
     ensemble: Ensemble,
     constellations: Constellations,
@@ -40,10 +52,27 @@ def stimulate(
         words: (S, n) of the segments.
         params: bandwidth, gating and pooling.
     """
+    return accumulate(excite(ensemble, constellations, descriptors, words, params), params)
+
+
+def excite(
+    ensemble: Ensemble,
+    constellations: Constellations,
+    descriptors: NDArray[np.float32],
+    words: NDArray[np.int64],
+    params: StimuliParams,
+) -> Excitation:
+    """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`."""
     kernel = gaussian_of_jsd(descriptors, ensemble.prototypes, params.sigma)
     alpha = kernel @ ensemble.mean_over_vertex  # (C, V): the mean over T^v of each constellation's kernel values
     alpha *= (constellations.coverage**params.coverage_power)[:, None]
-    gamma = _pool(alpha, _activated(ensemble, constellations, words, params), params.pooling).astype(np.float32)
+    active = _activated(ensemble, constellations, words, params)
+    return Excitation(alpha if active is None else np.where(active, alpha, 0.0), active)
+
+
+def accumulate(excitation: Excitation, params: StimuliParams) -> Stimuli:
+    """The stimuli vector: one stimulus a vertex, of those of all constellations that activate it."""
+    gamma = _pool(excitation, params.pooling).astype(np.float32)
     index = np.flatnonzero(gamma > params.cutoff).astype(np.int32)
     return Stimuli(index, gamma[index])
 
@@ -56,7 +85,7 @@ def gaussian_of_jsd(queries: NDArray[np.float32], prototypes: NDArray[np.float32
 def _activated(
     ensemble: Ensemble, constellations: Constellations, words: NDArray[np.int64], params: StimuliParams
 ) -> NDArray[np.bool_] | None:
-    """Which constellation activates which vertex (C, V): the indicator of Eq. 1; None where all do."""
+    """Which constellation activates which vertex (C, V); None where all do."""
     if params.gating == "kernel":
         return None
     active = np.zeros((len(constellations.members), ensemble.vertex_count), dtype=bool)
@@ -70,10 +99,8 @@ def _activated(
     return active
 
 
-def _pool(alpha: NDArray[np.float64], active: NDArray[np.bool_] | None, pooling: str) -> NDArray[np.float64]:
-    """One stimulus a vertex, of those of all constellations that activate it; (V,)."""
-    if active is not None:
-        alpha = np.where(active, alpha, 0.0)
+def _pool(excitation: Excitation, pooling: str) -> NDArray[np.float64]:
+    alpha, active = excitation
     if pooling == "max":
         return alpha.max(axis=0)
     total = alpha.sum(axis=0)
