@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.engine.model import Response
+from service.explanation import Explanation, tell
 
 
 class Concept(BaseModel):
@@ -55,6 +56,15 @@ class Answer(BaseModel):
     stimuli: Stimuli | None = Field(
         None, description="the stimuli vector, if it was asked for", exclude_if=lambda value: value is None
     )
+    explanation: Explanation | None = Field(
+        None, description="why the answer is what it is, if that was asked for", exclude_if=lambda value: value is None
+    )
+    point_segments: list[int] | None = Field(
+        None,
+        description="number of the segment of each point of the cloud as it was sent, in its order, if that was asked "
+        "for; -1 for points that were not measured or are part of no segment",
+        exclude_if=lambda value: value is None,
+    )
 
 
 def compose(
@@ -69,6 +79,7 @@ def compose(
         top: how many of the best concepts are listed, None for all; `responses` and `distances` are whole always.
         stimuli: whether the stimuli vector is part of the answer.
     """
+    points, explanation = response.point_segments, response.explanation
     return Answer(
         model=model[0],
         version=model[1],
@@ -92,6 +103,8 @@ def compose(
         warnings=list(response.warnings),
         timings_ms=timings_ms,
         stimuli=_stimuli(response) if stimuli else None,
+        explanation=None if explanation is None else tell(explanation, model),
+        point_segments=None if points is None else points.tolist(),
     )
 
 

@@ -7,6 +7,8 @@ import time as clock
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from service import clouds
@@ -89,6 +91,8 @@ class Application:
         time: float | None = None,
         top: int | None = None,
         stimuli: bool = False,
+        explain: bool = False,
+        segments: bool = False,
         on_stage: OnStage = ignore_stage,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
@@ -101,6 +105,8 @@ class Application:
             time: filtration time in [0, 1]; None for the model's epsilon_max.
             top: how many of the best concepts are listed; None for all.
             stimuli: whether the stimuli vector is part of the answer.
+            explain: whether the answer says why it is what it is.
+            segments: whether it says of each point of the cloud to which segment it belongs.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
 
         Raises:
@@ -113,7 +119,7 @@ class Application:
         timings = _Timings(on_stage)
         timings.begin("decode")
         points = self._points(cloud)
-        response = shape_model.respond(points, time=time, on_stage=timings.begin)
+        response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=timings.begin)
         return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
@@ -167,6 +173,19 @@ class Application:
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
         return self.store.manifest(name, version)
+
+    def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
+        """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.
+
+        Raises:
+            InvalidParameter: the model has no training object of that number.
+        """
+        thumbnails = self._models.get(*self.which(name, version)).prototypes.thumbnails
+        if not 0 <= number < len(thumbnails):
+            raise InvalidParameter(
+                f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
+            )
+        return thumbnails[number]
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
         """All that each alias of a model has meant, oldest first."""

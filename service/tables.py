@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.columns import Columns
 from rich.console import Console
 from rich.markup import escape
+from rich.panel import Panel
 from rich.table import Table
 
 from service.aliases import AliasEntry
 from service.answer import Answer
 from service.application import ModelSummary
+from service.explanation import Explanation, Likeness
 from service.jobs import Job
 from service.model_file import Manifest
+
+SHADES = " .:-=+*#%@"  # from dark to bright
 
 
 def show_answer(file: str, answer: Answer) -> None:
@@ -38,6 +47,82 @@ def show_answer(file: str, answer: Answer) -> None:
         console.print(f"note: {warning}", markup=False, highlight=False)
     if answer.truncated:
         console.print("note: there were more constellations than are looked at; the smallest were left out")
+
+
+def show_explanation(explanation: Explanation, thumbnail: Callable[[int], NDArray[np.uint8]]) -> None:
+    """Prints why an answer is what it is.
+
+    Args:
+        explanation: of the answer.
+        thumbnail: gives the picture (48, 48) of a training object.
+    """
+    console = Console()
+    console.print(_segments(explanation))
+    console.print(_fired_vertices(explanation))
+    for concept in explanation.concepts:
+        console.print(f"concept {concept.id}: its prototypes nearest to the cloud, by the distance of Eq. 4")
+        console.print(_pictures(concept.nearest, thumbnail))
+    console.print("training objects most like the cloud as a whole, by JSD: its novelty is by the first")
+    console.print(_pictures(explanation.wholes, thumbnail))
+
+
+def _segments(explanation: Explanation) -> Table:
+    table = Table(title="segments", title_justify="left")
+    for heading in ("no.", "share", "across", "centre (m)", "beside", "words"):
+        table.add_column(heading)
+    table.add_column("most like (JSD)", no_wrap=True)
+    for number, segment in enumerate(explanation.segments):
+        table.add_row(
+            str(number),
+            f"{segment.share:.0%}",
+            f"{segment.extent_m * 100:.1f} cm",
+            " ".join(f"{x:.2f}" for x in segment.centroid_m),
+            _numbers(segment.adjacent),
+            _numbers(segment.words),
+            _likenesses(segment.nearest),
+        )
+    return table
+
+
+def _fired_vertices(explanation: Explanation) -> Table:
+    caption = "v: index of stimuli; H_f: hierarchies; by: segments that fired it; T^v: number of motif prototypes"
+    table = Table(title="motif vertices that fired most", title_justify="left", caption=caption)
+    for heading in ("v", "H_f", "level", "words", "stimulus", "by", "T^v"):
+        table.add_column(heading)
+    table.add_column("nearest (JSD)", no_wrap=True)
+    for fired in explanation.vertices:
+        table.add_row(
+            str(fired.vertex),
+            _numbers([fired.hierarchy, *fired.also_in]),
+            str(fired.level),
+            _numbers(fired.words),
+            f"{fired.stimulus:.3f}",
+            _numbers(fired.segments),
+            str(fired.prototypes),
+            _likenesses(fired.nearest),
+        )
+    return table
+
+
+def _pictures(objects: list[Likeness], thumbnail: Callable[[int], NDArray[np.uint8]]) -> Columns:
+    return Columns(
+        Panel(_draw(thumbnail(near.object)), title=_likenesses([near]), padding=0, expand=False) for near in objects
+    )
+
+
+def _draw(image: NDArray[np.uint8]) -> str:
+    """A picture in letters, each of 4 x 2 pixels, as letters are twice as high as wide."""
+    rows, columns = image.shape
+    mean = image.reshape(rows // 4, 4, columns // 2, 2).mean(axis=(1, 3))
+    return "\n".join("".join(SHADES[int(grey) * len(SHADES) // 256] for grey in line) for line in mean.tolist())
+
+
+def _likenesses(objects: list[Likeness]) -> str:
+    return "\n".join(f"{escape(near.key)} {near.distance:.3f}" for near in objects)
+
+
+def _numbers(numbers: list[int]) -> str:
+    return " ".join(map(str, numbers)) or "-"
 
 
 def show_models(models: list[ModelSummary]) -> None:

@@ -83,7 +83,8 @@ def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
     """
     pose = viewpoint or raw.viewpoint or Viewpoint()
     kept = _measured(raw.xyz, pose)
-    measured = raw.xyz if kept.all() else raw.xyz[kept]
+    whole = bool(kept.all())
+    measured = raw.xyz if whole else raw.xyz[kept]
     if not len(measured):
         raise NoFinitePoints(
             f"none of the {len(raw.xyz)} points is a measurement: each is NaN, infinite, or (0, 0, 0) for "
@@ -96,7 +97,7 @@ def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
         raise ImplausibleExtent(
             f"a coordinate of {largest:.3g} m is beyond any sensor; check the unit ({unit}) and the values"
         )
-    return PointCloud(points.astype(np.float32))
+    return PointCloud(points.astype(np.float32), None if whole else kept)
 
 
 def _measured(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.bool_]:

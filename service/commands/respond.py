@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+from functools import partial
 from pathlib import Path
 
 import click
@@ -23,6 +24,8 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
         "shape-concepts respond --model default --top 3 --unit mm scans/*.ply",
         "shape-concepts respond --model default:1 --time 0.2 --json --stimuli mug.npy",
         "shape-concepts respond --viewpoint 0,-0.4,-0.9 --json - < mug.xyz",
+        "shape-concepts respond --model default --explain --top 3 mug.pcd",
+        "shape-concepts respond --model default --json --segments mug.pcd",
     )
 )
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
@@ -36,6 +39,8 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
     "--viewpoint", metavar="POSE", help="Sensor pose in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz."
 )
 @click.option("--stimuli", is_flag=True, help="With --json: the stimuli vector as well.")
+@click.option("--explain", is_flag=True, help="Say why: segments, motif vertices that fired, nearest prototypes.")
+@click.option("--segments", is_flag=True, help="With --json: the segment of each point, -1 for none.")
 @json_option
 @store_option
 def respond(
@@ -46,6 +51,8 @@ def respond(
     unit: str,
     viewpoint: str | None,
     stimuli: bool,
+    explain: bool,
+    segments: bool,
     as_json: bool,
     store: str | None,
 ) -> None:
@@ -85,6 +92,8 @@ def respond(
                     time=time,
                     top=top,
                     stimuli=stimuli,
+                    explain=explain,
+                    segments=segments,
                     on_stage=on_stage,
                 )
         except Exception as error:
@@ -97,6 +106,8 @@ def respond(
             from service import tables
 
             tables.show_answer(file, answer)
+            if answer.explanation:
+                tables.show_explanation(answer.explanation, partial(application.thumbnail, name, version))
     if failed:
         sys.exit(1)
 

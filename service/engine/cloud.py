@@ -33,9 +33,11 @@ class PointCloud:
 
     Attributes:
         points: (N, 3) float32, metres, finite; the sensor at the origin, x right, y down, z forward.
+        measured: (M,) bool: which of the M points of a file these N are; None where they are all of them.
     """
 
     points: NDArray[np.float32]
+    measured: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,26 @@ from scipy.sparse import csr_array
 
 from service.engine import tensors as layout
 from service.engine.cloud import PointCloud
-from service.engine.concepts import Baseline, Concepts, baseline_of, concepts_at, respond_to_concepts
+from service.engine.concepts import (
+    Baseline,
+    Concepts,
+    baseline_of,
+    concepts_at,
+    respond_to_concepts,
+    squared_distances,
+)
 from service.engine.dictionary import Dictionary
+from service.engine.explain import Evidence, Explanation, explain_response
 from service.engine.filtration import Filtration, time_step
 from service.engine.metric import Metric
 from service.engine.motifs import Ensemble
 from service.engine.novelty import NoveltyScale, divergences_from, whole_of
 from service.engine.params import ModelParams
 from service.engine.perception import OnStage, ignore_stage, perceive
+from service.engine.points import segments_of_points
 from service.engine.prototypes import Prototypes
 from service.engine.space import TopologicalSpace
-from service.engine.stimuli import Stimuli, stimulate
+from service.engine.stimuli import Stimuli, accumulate, excite
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,9 @@ class Response:
         truncated: whether constellations were cut off.
         warnings: what is odd about the cloud, in sentences.
         stimuli: *gamma^o.
+        point_segments: (N,) int32: the segment of each point of the cloud, or (M,) of its file, -1 for none; None if
+            it was not asked for.
+        explanation: why the response is what it is; None if it was not asked for.
     """
 
     responses: NDArray[np.float64]
@@ -58,6 +70,8 @@ class Response:
     truncated: bool
     warnings: tuple[str, ...]
     stimuli: Stimuli
+    point_segments: NDArray[np.int32] | None = None
+    explanation: Explanation | None = None
 
 
 @dataclass(frozen=True)
@@ -88,12 +102,22 @@ class ShapeModel:
     prototypes: Prototypes
     notes: tuple[str, ...]
 
-    def respond(self, cloud: PointCloud, *, time: float | None = None, on_stage: OnStage = ignore_stage) -> Response:
+    def respond(
+        self,
+        cloud: PointCloud,
+        *,
+        time: float | None = None,
+        explain: bool = False,
+        segments: bool = False,
+        on_stage: OnStage = ignore_stage,
+    ) -> Response:
         """Tells which concepts an object's cloud resembles.
 
         Args:
             cloud: of one object, in the sensor's frame.
             time: filtration time of the concepts, [0, 1]; None for epsilon_max.
+            explain: whether the response says why it is what it is.
+            segments: whether it says of each point of the cloud to which segment it belongs.
             on_stage: called as each stage begins.
 
         Raises:
@@ -105,7 +129,8 @@ class ShapeModel:
 
         on_stage("stimuli")
         words = self.dictionary.words(seen.segment_descriptors)
-        stimuli = stimulate(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
+        excitation = excite(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
+        stimuli = accumulate(excitation, self.params.stimuli)
 
         on_stage("novelty")
         whole = seen.descriptors[whole_of(seen.constellations)]
@@ -115,12 +140,23 @@ class ShapeModel:
         responses, distances = respond_to_concepts(
             stimuli, concepts, self.metric, self.embedded_prototypes, self._baseline(concepts), self.params.response
         )
+        ranking = np.argsort(responses, kind="stable")
+
+        explanation, point_segments = None, None
+        if explain:
+            on_stage("explanation")
+            apart = np.sqrt(squared_distances(stimuli, self.metric, self.embedded_prototypes))
+            evidence = Evidence(seen, words, excitation, stimuli, apart, divergences, ranking)
+            explanation = explain_response(evidence, self.ensemble, concepts, self.prototypes)
+        if segments:
+            on_stage("points")
+            point_segments = segments_of_points(cloud, seen.graph)
         return Response(
             responses=responses,
             distances=distances,
             concept_ids=concepts.ids,
             concept_sizes=concepts.sizes,
-            ranking=np.argsort(responses, kind="stable"),
+            ranking=ranking,
             novelty=self.novelty_scale.novelty(divergences.min()),
             time=concepts.time,
             segments=seen.graph.count,
@@ -128,6 +164,8 @@ class ShapeModel:
             truncated=seen.constellations.truncated,
             warnings=seen.warnings,
             stimuli=stimuli,
+            point_segments=point_segments,
+            explanation=explanation,
         )
 
     def concepts(self, time: float | None = None) -> Concepts:

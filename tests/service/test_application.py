@@ -6,6 +6,7 @@ import json
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,6 +90,41 @@ def test_top_shortens_the_list_and_nothing_else(application: Application, clouds
     assert best.responses == whole.responses
     with pytest.raises(InvalidParameter):
         application.respond(clouds[0], top=0)
+
+
+def test_an_explanation_says_what_the_engine_said(
+    application: Application, model: ShapeModel, clouds: list[PointCloud]
+) -> None:
+    response = model.respond(clouds[2], explain=True, segments=True)
+    answer = application.respond(clouds[2], explain=True, segments=True)
+    assert response.explanation is not None
+    assert response.point_segments is not None
+    assert answer.explanation is not None
+    assert answer.point_segments == response.point_segments.tolist()
+    for part in ("segments", "vertices", "concepts", "wholes"):
+        told, said = getattr(answer.explanation, part), getattr(response.explanation, part)
+        assert len(told) == len(said) > 0
+        for a, b in zip(told, said, strict=True):
+            assert json.dumps(a.model_dump(exclude={"nearest"})) == json.dumps(_plain(b))
+    assert Answer.model_validate_json(answer.model_dump_json()) == answer
+
+
+def _plain(record: Any) -> dict[str, Any]:
+    return {name: value for name, value in record._asdict().items() if name != "nearest"}
+
+
+def test_what_was_not_asked_for_is_not_in_the_answer(application: Application, clouds: list[PointCloud]) -> None:
+    answer = application.respond(clouds[0])
+    assert answer.explanation is None
+    assert answer.point_segments is None
+    assert not {"explanation", "point_segments", "stimuli"} & set(answer.model_dump())
+
+
+def test_training_objects_have_thumbnails_by_number(application: Application, model: ShapeModel) -> None:
+    assert np.array_equal(application.thumbnail("tiny", 1, 7), model.prototypes.thumbnails[7])
+    for wrong in (-1, 8):
+        with pytest.raises(InvalidParameter, match="8 objects"):
+            application.thumbnail("tiny", 1, wrong)
 
 
 def test_the_filtration_time_is_that_of_the_model_unless_given(

@@ -76,6 +76,22 @@ def test_options_of_respond_reach_the_engine(folder: Path, clouds: list[PointClo
     assert any("viewpoint" in warning for warning in behind["warnings"])
 
 
+def test_an_answer_can_be_explained_to_programs_and_people(folder: Path, clouds: list[PointCloud]) -> None:
+    (answer,) = lines(run("respond", "--json", "--explain", "--segments", "good.ply"))
+    assert set(answer["explanation"]) == {"segments", "vertices", "concepts", "wholes", "thumbnails"}
+    assert len(answer["point_segments"]) == len(clouds[0].points)
+    assert len(answer["explanation"]["segments"]) == answer["segments"] == max(answer["point_segments"]) + 1
+    said = run("respond", "--explain", "good.ply").stdout
+    assert "novelty 0.00" in " ".join(said.split())
+    for near in (answer["explanation"]["wholes"][0], answer["explanation"]["concepts"][0]["nearest"][0]):
+        assert f"{near['key']} {near['distance']:.3f}" in said
+    for fired in answer["explanation"]["vertices"]:
+        assert f"{fired['stimulus']:.3f}" in said
+    pictures = [line for line in said.splitlines() if line.startswith("│") and set(line) & set("%@#")]
+    assert len(pictures) > 10
+    assert "explanation" not in lines(run("respond", "--json", "good.ply"))[0]
+
+
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
     result = run("respond", "--json", "bad.ply", "missing.ply", ".", "good.ply")
     assert result.exit_code == 1

@@ -1,4 +1,7 @@
-"""The examples of the API's description: a cloud to send, and what a model of 250 simulated objects answered."""
+"""The examples of the API's description: a cloud to send, and what a model of 250 simulated objects answered.
+
+The lists of the explanation are cut short.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +90,7 @@ ANSWER: dict[str, Any] = {
             "prototypes": 45,
         },
     ],
-    "novelty": 0.9,
+    "novelty": 0.992,
     "segments": 3,
     "extent_m": 0.14435725843247954,
     "truncated": False,
@@ -100,9 +103,93 @@ ANSWER: dict[str, Any] = {
         "constellations": 0.13,
         "descriptors": 1.928,
         "stimuli": 16.645,
-        "novelty": 0.05,
+        "novelty": 0.357,
         "responses": 0.727,
     },
+}
+
+
+def _near(number: int, sha256: str, distance: float) -> dict[str, Any]:
+    return {"object": number, "key": f"simulated/7/{number}", "hash": sha256, "distance": distance}
+
+
+EXPLANATION: dict[str, Any] = {
+    "segments": [
+        {
+            "share": 0.36363636363636365,
+            "adjacent": [1, 2],
+            "words": [1, 2, 5, 11],
+            "centroid_m": [0.013461980508610773, 0.033297655569710385, 0.6510653698541965],
+            "extent_m": 0.10296161266535765,
+            "nearest": [
+                _near(212, "76cf06c3e79e6a850aefd1d6ef1e91af7fd7aa256cb74c47b6df1e149de2ab94", 0.010006431490182877)
+            ],
+        },
+        {
+            "share": 0.3522727272727273,
+            "adjacent": [0, 2],
+            "words": [1, 3, 6, 13],
+            "centroid_m": [0.014961561844612972, -0.033820587863475714, 0.652416403754894],
+            "extent_m": 0.11026625076894675,
+            "nearest": [
+                _near(212, "76cf06c3e79e6a850aefd1d6ef1e91af7fd7aa256cb74c47b6df1e149de2ab94", 0.008551286533474922)
+            ],
+        },
+        {
+            "share": 0.2840909090909091,
+            "adjacent": [0, 1],
+            "words": [1, 2, 5, 11],
+            "centroid_m": [-0.033944665281462526, 0.000825598973961465, 0.64980487481014],
+            "extent_m": 0.11385308461906732,
+            "nearest": [
+                _near(22, "9c4eb25f1aa55f65d342cadcace14b00ab07cddfb282e2caf379aa94b125935c", 0.0157399233430624)
+            ],
+        },
+    ],
+    "vertices": [
+        {
+            "vertex": 1036,
+            "hierarchy": 4,
+            "also_in": [],
+            "level": 3,
+            "words": [10, 11, 11],
+            "stimulus": 0.9951596856117249,
+            "segments": [0, 1, 2],
+            "prototypes": 1,
+            "nearest": [
+                _near(148, "ec6da62a1ff44170b276117b5351402277f32b087ac51645e1bbb01149544c5a", 0.007880778051912785)
+            ],
+        },
+        {
+            "vertex": 710,
+            "hierarchy": 4,
+            "also_in": [],
+            "level": 4,
+            "words": [13, 13, 13, 13],
+            "stimulus": 0.9803434610366821,
+            "segments": [0, 1, 2],
+            "prototypes": 1,
+            "nearest": [
+                _near(32, "85ba28ab9edea407814bb232b21d858f45e5a73d5de2bd23d5f6fe2a4b02ec79", 0.01594081148505211)
+            ],
+        },
+    ],
+    "concepts": [
+        {
+            "id": 359,
+            "nearest": [
+                _near(118, "6cc34a4e91b715d560e9eba49e183b8624e5e4ee936f6825da2d1d050e2c2e37", 15.726652353091646)
+            ],
+        },
+        {
+            "id": 357,
+            "nearest": [
+                _near(30, "ec1f2d10b9117da102fd670894aed90a909b5b2226d26990558fe303e719d9b6", 13.576869948244642)
+            ],
+        },
+    ],
+    "wholes": [_near(103, "80cea30fff4ef82c29819d5ef00dcbcda536ec0b780722dc9c010d927cd9911c", 0.020626001060009003)],
+    "thumbnails": "/v1/models/default/versions/1/objects/{object}.png",
 }
 
 MODELS: dict[str, Any] = {

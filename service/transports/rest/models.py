@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path
+from fastapi import APIRouter, Depends, Path, Response
 from pydantic import BaseModel, Field
 
 from service.application import Application, ModelSummary
 from service.model_file import NAME, Manifest
+from service.pictures import MEDIA_TYPE, png
 from service.transports.rest import examples
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import known_only
+
+Name = Annotated[str, Path(pattern=f"^{NAME}$", max_length=63, description="of the model", examples=["default"])]
+Version = Annotated[int, Path(ge=1, le=99_999_999, description="of the model", examples=[1])]
+Number = Annotated[int, Path(ge=0, le=2**31, description="of the training object, from 0", examples=[17])]
 
 
 class ModelList(BaseModel):
@@ -38,13 +43,18 @@ def router(application: Application) -> APIRouter:
         summary="How was a model made?",
         responses=documented(examples.MANIFEST, 404, 422, 500, 503),
     )
-    def manifest(
-        name: Annotated[
-            str, Path(pattern=f"^{NAME}$", max_length=63, description="of the model", examples=["default"])
-        ],
-        version: Annotated[int, Path(ge=1, le=99_999_999, description="of the model", examples=[1])],
-    ) -> Manifest:
+    def manifest(name: Name, version: Version) -> Manifest:
         """The manifest of a version: seed, parameters, source of the clouds, counts and content hashes."""
         return application.manifest(name, version)
+
+    @routes.get(
+        "/{name}/versions/{version}/objects/{number}.png",
+        summary="What does a training object look like?",
+        response_class=Response,
+        responses={**documented({}, 404, 422, 500, 503), 200: {"content": {MEDIA_TYPE: {}}}},
+    )
+    def thumbnail(name: Name, version: Version, number: Number) -> Response:
+        """A training object as the sensor saw it, 48 x 48 pixels: explanations name it by its number."""
+        return Response(png(application.thumbnail(name, version, number)), media_type=MEDIA_TYPE)
 
     return routes

@@ -32,6 +32,12 @@ _BODY = {
 }
 
 
+_ANSWERS = {
+    "plain": {"value": examples.ANSWER},
+    "explain=true": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+}
+
+
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
@@ -41,7 +47,10 @@ def router(application: Application) -> APIRouter:
     @routes.post(
         "/responses",
         summary="Which concepts does a cloud resemble?",
-        responses=documented(examples.ANSWER, 400, 404, 408, 413, 415, 422, 429, 500, 503),
+        responses={
+            **documented(examples.ANSWER, 400, 404, 408, 413, 415, 422, 429, 500, 503),
+            200: {"content": {"application/json": {"examples": _ANSWERS}}},
+        },
         openapi_extra={"requestBody": _BODY},
     )
     async def respond(
@@ -69,6 +78,10 @@ def router(application: Application) -> APIRouter:
             ),
         ] = None,
         stimuli: Annotated[bool, Query(description="whether the answer has the stimuli vector as well")] = False,
+        explain: Annotated[bool, Query(description="whether the answer says why it is what it is")] = False,
+        segments: Annotated[
+            bool, Query(description="whether the answer says of each point sent to which segment it belongs")
+        ] = False,
     ) -> Answer:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
         pose = parse_viewpoint(viewpoint) if viewpoint else None
@@ -84,6 +97,8 @@ def router(application: Application) -> APIRouter:
                     time=time,
                     top=top,
                     stimuli=stimuli,
+                    explain=explain,
+                    segments=segments,
                 )
 
     return routes

@@ -117,3 +117,12 @@ def test_coordinates_beyond_float32_are_refused(value: float):
         placed((value, 0, 1), (0, 0, 1))
     with pytest.raises(ImplausibleExtent):
         placed((value, 0, 1), (0, 0, 1), pose=Viewpoint((-1e308, 0, 0), (1, 2, 3, 4)))
+
+
+def test_what_was_not_measured_is_known_by_its_place():
+    rows = np.array([[np.nan, 0, 1], [1, 2, 3], [0, 0, 0], [4, 5, 6], [0, 0, 0]], float)
+    cloud = place(RawCloud(rows), "m", None)
+    assert cloud.measured is not None
+    assert cloud.measured.tolist() == [False, True, False, True, False]
+    assert np.array_equal(rows[cloud.measured], cloud.points)
+    assert place(RawCloud(POINTS), "m", None).measured is None

@@ -118,8 +118,13 @@ def contents(description: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, 
         for method, operation in operations.items():
             for status, answer in operation["responses"].items():
                 for media_type, content in answer["content"].items():
-                    assert media_type == ("application/json" if status == "200" else "application/problem+json")
-                    yield f"{method} {path}", status, content
+                    if media_type != "image/png":
+                        assert media_type == ("application/json" if status == "200" else "application/problem+json")
+                        yield f"{method} {path}", status, content
+
+
+def examples_of(content: dict[str, Any]) -> list[dict[str, Any]]:
+    return [content["example"]] if "example" in content else [e["value"] for e in content["examples"].values()]
 
 
 def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: httpx.Client) -> None:
@@ -127,15 +132,17 @@ def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: 
     seen = set()
     for operation, status, content in contents(description):
         seen.add((operation, status))
-        jsonschema.validate(content["example"], {**content["schema"], "components": description["components"]})
-        if status != "200":
-            assert content["example"]["status"] == int(status)
+        for example in examples_of(content):
+            jsonschema.validate(example, {**content["schema"], "components": description["components"]})
+            if status != "200":
+                assert example["status"] == int(status)
     for status in ("200", "400", "404", "408", "413", "415", "422", "429", "500", "503"):
         assert ("post /v1/responses", status) in seen
     assert {operation for operation, _ in seen} == {
         "post /v1/responses",
         "get /v1/models",
         "get /v1/models/{name}/versions/{version}",
+        "get /v1/models/{name}/versions/{version}/objects/{number}.png",
         "get /healthz",
         "get /readyz",
     }
@@ -143,7 +150,8 @@ def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: 
 
 def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
-    for name in ("Answer", "Concept", "Stimuli", "Manifest", "Problem", "Readiness", "ModelSummary"):
+    told = ("Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
+    for name in ("Answer", "Concept", "Stimuli", "Manifest", "Problem", "Readiness", "ModelSummary", *told):
         for field, schema in description["components"]["schemas"][name]["properties"].items():
             assert schema.get("description"), f"{name}.{field}"
     for operations in description["paths"].values():
@@ -156,7 +164,9 @@ def test_real_answers_fit_the_description(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
     example = description["paths"]["/v1/responses"]["post"]["requestBody"]["content"]["text/plain"]["example"]
     asked = {
-        "post /v1/responses": client.post("/v1/responses", content=example, params={"stimuli": True}),
+        "post /v1/responses": client.post(
+            "/v1/responses", content=example, params={"stimuli": True, "explain": True, "segments": True}
+        ),
         "get /v1/models": client.get("/v1/models"),
         "get /v1/models/{name}/versions/{version}": client.get("/v1/models/tiny/versions/1"),
         "get /healthz": client.get("/healthz"),

@@ -61,6 +61,41 @@ def test_parameters_choose_model_time_and_length(client: httpx.Client, clouds: l
     assert "stimuli" not in answer
 
 
+def test_an_answer_explains_itself_and_segments_every_point_when_it_is_asked_to(
+    client: httpx.Client, application: Application, clouds: list[PointCloud]
+) -> None:
+    for cloud in clouds[:3]:
+        expected = application.respond(cloud, explain=True, segments=True)
+        params = {"explain": "true", "segments": "true"}
+        answer = answer_of(client.post("/v1/responses", params=params, content=write_ply(cloud)))
+        assert answer == json.loads(expected.model_dump_json(exclude={"timings_ms"}))
+        assert len(answer["point_segments"]) == len(cloud.points)
+        plain = answer_of(client.post("/v1/responses", content=write_ply(cloud)))
+        assert plain == {key: answer[key] for key in plain}
+        assert set(answer) - set(plain) == {"explanation", "point_segments"}
+
+
+def test_points_that_were_not_measured_keep_their_places(client: httpx.Client, clouds: list[PointCloud]) -> None:
+    """As an organised cloud has them: a row of NaN wherever nothing returned."""
+    lines = as_xyz(clouds[0]).splitlines(keepends=True)
+    gaps = b"".join(b"nan nan nan\n" + line for line in lines)
+    whole = client.post("/v1/responses", params={"segments": True}, content=as_xyz(clouds[0])).json()
+    holed = client.post("/v1/responses", params={"segments": True}, content=gaps).json()
+    assert holed["point_segments"][0::2] == [-1] * len(lines)
+    assert holed["point_segments"][1::2] == whole["point_segments"]
+
+
+def test_the_explanation_names_training_objects_that_can_be_looked_at(
+    client: httpx.Client, clouds: list[PointCloud]
+) -> None:
+    explanation = client.post("/v1/responses", params={"explain": 1}, content=write_ply(clouds[0])).json()[
+        "explanation"
+    ]
+    for near in explanation["wholes"]:
+        picture = client.get(explanation["thumbnails"].replace("{object}", str(near["object"])))
+        assert picture.headers["content-type"] == "image/png"
+
+
 def test_unit_and_viewpoint_bring_a_cloud_into_the_sensors_frame(
     client: httpx.Client, clouds: list[PointCloud]
 ) -> None:
@@ -78,6 +113,7 @@ def test_the_documented_example_is_answered(client: httpx.Client) -> None:
     answer = answer_of(response)
     assert set(answer) == set(examples.ANSWER) - {"timings_ms"}
     assert set(response.json()["timings_ms"]) == set(examples.ANSWER["timings_ms"])
+    assert answer["segments"] == examples.ANSWER["segments"] == len(examples.EXPLANATION["segments"])
     assert answer["extent_m"] == pytest.approx(0.144, abs=0.01)
 
 
@@ -107,6 +143,8 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a contradiction", 422, "invalid-parameter", {**XYZ, "params": {"model": "tiny:1", "version": 1}}),
     ("a time of 2", 422, "invalid-parameter", {**XYZ, "params": {"time": 2}}),
     ("a time of NaN", 422, "invalid-parameter", {**XYZ, "params": {"time": "nan"}}),
+    ("half an explanation", 422, "invalid-parameter", {**XYZ, "params": {"explain": "half"}}),
+    ("two segments", 422, "invalid-parameter", {**XYZ, "params": {"segments": 2}}),
     ("no concepts", 422, "invalid-parameter", {**XYZ, "params": {"top": 0}}),
     ("a version of 23 digits", 422, "invalid-parameter", {**XYZ, "params": {"version": "9" * 23}}),
     ("a misspelt parameter", 422, "invalid-parameter", {**XYZ, "params": {"toop": 1}}),
@@ -135,7 +173,7 @@ def test_what_cannot_be_answered_is_refused_with_its_own_problem(
 def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> None:
     detail = client.post("/v1/responses", params={"toop": 1, "top": 1}, content=b"1 2 3\n").json()["detail"]
     assert "'toop'" in detail
-    for name in ("model", "version", "alias", "time", "top", "unit", "viewpoint", "stimuli"):
+    for name in ("model", "version", "alias", "time", "top", "unit", "viewpoint", "stimuli", "explain", "segments"):
         assert f" {name}" in detail
     listed = client.get("/v1/models", params={"name": "tiny"})
     assert (listed.status_code, "none" in listed.json()["detail"]) == (422, True)
