@@ -68,7 +68,7 @@ def _verdict(report: Report, name: str) -> str:
     if interval is None:
         return words
     sure = "beyond chance" if interval.low > 0 or interval.high < 0 else "which may be chance"
-    return f"{words} ({sure}: the lead is {signed(interval.low)} to {signed(interval.high)})"
+    return f"{words} ({sure}; 95 % interval of the lead {signed(interval.low)} to {signed(interval.high)})"
 
 
 def signed(value: float, digits: int = 2) -> str:

@@ -106,4 +106,4 @@ def _width(time: NDArray[np.float64], last: float) -> NDArray[np.float64]:
 
 def _dot(count: int) -> float:
     """Radius of so many vertices on a picture of 360 x 360, CSS pixels."""
-    return float(np.clip(0.11 * SIDE / np.sqrt(max(count, 1)), 1.2, 4.0))
+    return float(np.clip(0.09 * SIDE / np.sqrt(max(count, 1)), 1.2, 4.0))

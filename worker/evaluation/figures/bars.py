@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from worker.evaluation.figures.drawing import draw, shortened
 from worker.evaluation.figures.palette import ABSENT, ACCENT, INK
 
-ROW, BELOW = 38.0, 26.0  # of a bar with its name above, and of what is below all bars, CSS pixels
+ROW, BELOW = 42.0, 26.0  # of a bar with its name above, and of what is below all bars, CSS pixels
 LONGEST = 50  # characters of a name above a bar
 
 
@@ -36,8 +36,8 @@ def _paint(axes: Axes, bars: Sequence[Bar]) -> None:
     least = min(0.0, *(bar.value for bar in bars), *(bar.low or 0.0 for bar in bars))
     for place, bar in enumerate(bars):
         weight = "bold" if bar.own else "normal"
-        axes.barh(place, bar.value, 0.4, color=ACCENT if bar.own else ABSENT)
-        axes.text(least, place - 0.3, shortened(bar.name, LONGEST), verticalalignment="bottom", fontweight=weight)
+        axes.barh(place, bar.value, 0.36, color=ACCENT if bar.own else ABSENT)
+        axes.text(least, place - 0.24, shortened(bar.name, LONGEST), verticalalignment="bottom", fontweight=weight)
         if bar.low is not None and bar.high is not None:
             axes.plot([bar.low, bar.high], [place, place], color=INK, linewidth=1.2, marker="|", markersize=7)
         axes.annotate(

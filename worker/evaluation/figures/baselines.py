@@ -56,7 +56,7 @@ def label_table(report: Report) -> Table:
         (label, str(report.data.categories[label]), *_numbers(figures), f"{100 * (1 - figures.svm):.1f} %")
         for label, figures in report.by_label.items()
     ]
-    headings = ("label", "clouds", *NAMES.values(), "error of the support vector machine")
+    headings = ("label", "clouds", *NAMES.values(), "error of the machine")
     return Table(headings, tuple(rows), "This model, label by label")
 
 

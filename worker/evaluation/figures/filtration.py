@@ -14,7 +14,7 @@ from worker.evaluation.figures.palette import ACCENT, INK, PALE
 from worker.evaluation.report import Structure
 
 HEIGHT = 260.0  # CSS pixels
-SEPARATE = 300  # bars that can be told apart; more are drawn as blocks of those that end together
+SEPARATE = 90  # bars that can be told apart; more are drawn as blocks of those that end together
 AFTER = 1.06  # where the bar that never ends leaves the picture
 
 

@@ -86,10 +86,10 @@ def depths(tree: RootedTree) -> NDArray[np.int64]:
 def on_rings(tree: RootedTree) -> NDArray[np.float64]:
     """Places of the vertices (N, 2) on rings about the root, one a step: for shallow trees.
 
-    The first ring has twice the radius of the steps between rings: there, room is scarcest.
+    The first ring is three steps from the root, as room is scarcest there.
     """
     direction, depth = angles(tree), depths(tree)
-    radius = np.where(depth > 0, depth + 1, 0)
+    radius = np.where(depth > 0, depth + 2, 0)
     return np.asarray(radius[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1))
 
 
