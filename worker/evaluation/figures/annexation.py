@@ -19,6 +19,7 @@ from worker.evaluation.report import Structure
 SIDE = float(WIDTH)  # of the picture, which is square, CSS pixels
 MOST_OF_PART = 150  # vertices of a concept that are drawn, as the picture on its card is small
 THICKEST, THINNEST = 2.6, 0.8  # of curves that join concepts, CSS pixels
+ROOMY = 250  # vertices among which such curves do not touch
 
 
 def annexation_figure(structure: Structure, palette: Palette) -> Figure:
@@ -40,7 +41,7 @@ def annexation_figure(structure: Structure, palette: Palette) -> Figure:
         paths = curves(places, edges)
         paint_alike(axes, [p for p, cut in zip(paths, late, strict=True) if cut], "late", PALE, 0.6, dashed=True)
         early = [p for p, cut in zip(paths, late, strict=True) if not cut]
-        paint_each(axes, early, "early", INK, _width(time[~late], structure.epsilon_max))
+        paint_each(axes, early, "early", INK, _width(time[~late], structure.epsilon_max, len(drawn)))
         paint_labelled(axes, places, labels, palette, _dot(len(drawn)))
 
     alt = f"{len(drawn)} dots on rings, joined by curves: who annexed whom, up to time {structure.epsilon_max:.2f}."
@@ -99,9 +100,10 @@ def _among(
     return place_of[edges[kept]], kept
 
 
-def _width(time: NDArray[np.float64], last: float) -> NDArray[np.float64]:
-    """Of the curves of annexations, the thicker the earlier, CSS pixels."""
-    return THICKEST - (THICKEST - THINNEST) * (time / last if last > 0 else np.zeros(len(time)))
+def _width(time: NDArray[np.float64], last: float, count: int) -> NDArray[np.float64]:
+    """Of the curves of annexations, the thicker the earlier, and thinner where there are many, CSS pixels."""
+    share = time / last if last > 0 else np.zeros(len(time))
+    return (THICKEST - (THICKEST - THINNEST) * share) * min(1.0, np.sqrt(ROOMY / count))
 
 
 def _dot(count: int) -> float:

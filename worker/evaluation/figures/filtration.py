@@ -26,14 +26,14 @@ def filtration_figure(structure: Structure) -> Figure:
     alt = f"{size} bars from time 0 on, the shortest at the bottom; {ended} have ended by time {chosen:.2f}."
     barcode = draw("barcode", alt, HEIGHT, lambda axes: _paint_bars(axes, deaths, chosen))
     times, counts = np.unique(deaths, return_counts=True)
-    alt = f"Columns: annexations over time, most of them, {counts.max()}, at time {chosen:.2f}."
+    alt = f"Columns: annexations over time, most of them, {counts.max()}, at time {times[counts.argmax()]:.2f}."
     annexations = draw("annexations", alt, HEIGHT, lambda axes: _paint_counts(axes, times, counts, chosen))
     return Figure(
         key="filtration",
         title="The barcode and the annexations: when concepts are taken",
         caption=f"Each of the {size} bars is an object's group, which begins at time 0 and ends when a larger group "
-        f"swallows it; the columns count how many end at each time. More end at ε max = {chosen:.2f} than at "
-        "any other time, and there concepts are taken: earlier, groups are many and specific, later few and generic.",
+        f"swallows it; the columns count how many end at each time. They end most often about ε max "
+        f"= {chosen:.2f}, where concepts are taken: earlier, groups are many and specific, later few and generic.",
         panels=(Panel(barcode, "Barcode of H₀"), Panel(annexations, "Annexations at each time")),
         paper="barcode and annexation of Sec. Topological Filtration (experiments)",
     )
@@ -50,7 +50,7 @@ def _paint_bars(axes: Axes, deaths: NDArray[np.float64], chosen: float) -> None:
     else:
         death, count = np.unique(ends, return_counts=True)
         colours = [PALE if end <= chosen else ACCENT for end in death]
-        axes.barh(count.cumsum() - count, death, count, align="edge", color=colours)
+        axes.barh(count.cumsum() - count, death, count, align="edge", color=colours, edgecolor=colours, linewidth=0.3)
     axes.set_ylim(-1, len(place) + 1)
     axes.set_ylabel("objects, by the time they end")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
@@ -66,7 +66,7 @@ def _paint_bars(axes: Axes, deaths: NDArray[np.float64], chosen: float) -> None:
 
 def _paint_counts(axes: Axes, times: NDArray[np.float64], counts: NDArray[np.int64], chosen: float) -> None:
     step = float(np.quantile(np.diff(times), 0.25)) if len(times) > 1 else 0.05  # the last step may be a short one
-    axes.bar(times, counts, width=0.85 * step, color=[ACCENT if time == chosen else PALE for time in times])
+    axes.bar(times, counts, width=0.85 * step, color=[ACCENT if time > chosen else PALE for time in times])
     axes.set_ylabel("groups annexed")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes.grid(axis="x", visible=False)
