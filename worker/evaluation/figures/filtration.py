@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from worker.evaluation.figures.drawing import draw
-from worker.evaluation.figures.figure import Figure, Panel
-from worker.evaluation.figures.palette import ACCENT, INK, PALE
+from worker.evaluation.figures.figure import Entry, Figure, Panel
+from worker.evaluation.figures.palette import ACCENT, INK, PAGE_COLOURS, PALE
 from worker.evaluation.report import Structure
 
 HEIGHT = 260.0  # CSS pixels
@@ -35,6 +34,10 @@ def filtration_figure(structure: Structure) -> Figure:
         f"swallows it; the columns count how many end at each time. They end most often about ε max "
         f"= {chosen:.2f}, where concepts are taken: earlier, groups are many and specific, later few and generic.",
         panels=(Panel(barcode, "Barcode of H₀"), Panel(annexations, "Annexations at each time")),
+        legend=(
+            Entry("ended by ε max", PAGE_COLOURS[PALE], "s"),
+            Entry("lives on after it", PAGE_COLOURS[ACCENT], "s"),
+        ),
         paper="barcode and annexation of Sec. Topological Filtration (experiments)",
     )
 
@@ -55,12 +58,6 @@ def _paint_bars(axes: Axes, deaths: NDArray[np.float64], chosen: float) -> None:
     axes.set_ylabel("objects, by the time they end")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes.grid(axis="y", visible=False)
-    axes.legend(
-        handles=[Patch(color=PALE, label="ended by ε max"), Patch(color=ACCENT, label="lives on")],
-        loc="lower right",
-        fontsize=11,
-        framealpha=0,
-    )
     _mark(axes, chosen)
 
 
