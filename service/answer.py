@@ -17,8 +17,9 @@ class Concept(BaseModel):
     name: str | None = Field(None, description="name that people gave to the concept, null if none")
     response: float = Field(description="the form that is scored, smaller is closer")
     distance: float = Field(description="mean Mahalanobis distance to the concept's prototypes, Eq. 4")
-    rank: int = Field(ge=1, description="1 is the closest concept")
+    rank: int = Field(ge=1, description="1 is the closest concept of the answer's time; those of other times follow")
     prototypes: int = Field(description="training objects that make up the concept")
+    time: float = Field(ge=0, le=1, description="filtration time at which it was taken: 0 specific, 1 generic")
 
 
 class Stimuli(BaseModel):
@@ -37,10 +38,12 @@ class Answer(BaseModel):
 
     model: str = Field(description="name of the model that answered")
     version: int = Field(ge=1, description="its version")
-    time: float = Field(ge=0, le=1, description="filtration time at which the concepts stand: 0 specific, 1 generic")
+    time: float = Field(ge=0, le=1, description="filtration time of the first concepts: 0 specific, 1 generic")
     responses: list[float] = Field(description="of every concept, in concept order: the scored form, smaller is closer")
     distances: list[float] = Field(description="of every concept, in concept order: Eq. 4, as the paper has it")
-    concepts: list[Concept] = Field(description="best first; as many as `top` asked for")
+    concepts: list[Concept] = Field(
+        description="those of the answer's time, then those of other times, best first; as many as `top` asked for"
+    )
     novelty: float = Field(
         ge=0,
         le=1,
@@ -93,6 +96,7 @@ def compose(
                 distance=float(response.distances[position]),
                 rank=rank,
                 prototypes=int(response.concept_sizes[position]),
+                time=float(response.concept_times[position]),
             )
             for rank, position in enumerate(response.ranking[:top], start=1)
         ],

@@ -102,7 +102,8 @@ class Application:
             model: NAME, NAME@ALIAS or NAME:VERSION; None for the default model.
             version: of the model, instead of in its name.
             alias: of the version, instead of in the model's name.
-            time: filtration time in [0, 1]; None for the model's epsilon_max.
+            time: filtration time in [0, 1] of all concepts; None for the model's epsilon_max, and after its concepts
+                those of other times.
             top: how many of the best concepts are listed; None for all.
             stimuli: whether the stimuli vector is part of the answer.
             explain: whether the answer says why it is what it is.

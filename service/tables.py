@@ -24,13 +24,15 @@ SHADES = " .:-=+*#%@"  # from dark to bright
 
 def show_answer(file: str, answer: Answer) -> None:
     """Prints the concepts that a cloud resembles, best first."""
-    total = sum(answer.timings_ms.values())
+    milliseconds = sum(answer.timings_ms.values())
     title = (
         f"{escape(file)}  ({answer.model}:{answer.version} at time {answer.time:.2f}; {answer.segments} segments, "
-        f"{answer.extent_m * 100:.1f} cm across, novelty {answer.novelty:.2f}, {total:.0f} ms)"
+        f"{answer.extent_m * 100:.1f} cm across, novelty {answer.novelty:.2f}, {milliseconds:.0f} ms)"
     )
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for heading in ("rank", "concept", "name", "response", "distance (Eq. 4)", "prototypes"):
+    listed, total = len(answer.concepts), len(answer.responses)
+    caption = f"the first {listed} of {total} concepts" if listed < total else None
+    table = Table(title=title, title_justify="left", title_style="bold", caption=caption, caption_justify="left")
+    for heading in ("rank", "concept", "name", "response", "distance (Eq. 4)", "prototypes", "time"):
         table.add_column(heading, justify="left" if heading == "name" else "right")
     for concept in answer.concepts:
         table.add_row(
@@ -40,6 +42,7 @@ def show_answer(file: str, answer: Answer) -> None:
             f"{concept.response:.3f}",
             f"{concept.distance:.3f}",
             str(concept.prototypes),
+            f"{concept.time:.2f}",
         )
     console = Console()
     console.print(table)

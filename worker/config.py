@@ -41,9 +41,15 @@ def read_config(file: Path) -> TrainingConfig:
         raise InvalidParameter(
             f"The configuration {file} is a {type(given).__name__}, where a table of stages should be."
         )
-    stages = ModelParams.preset(str(given.pop("preset", "default"))).model_dump()
-    simulation = given.pop("simulation", {})
+    preset = str(given.pop("preset", "default"))
+    stages = ModelParams.preset(preset).model_dump()
+    simulation = SimulationParams.preset(preset).model_dump()
     try:
+        for part, chosen in {**given.pop("simulation", {})}.items():
+            before = simulation.get(part)
+            if isinstance(before, dict) and isinstance(chosen, dict):
+                chosen = {**before, **chosen}
+            simulation[part] = chosen
         for stage, chosen in given.items():
             stages[stage] = {**stages.get(stage, {}), **chosen}
         return TrainingConfig.model_validate({"model": stages, "simulation": simulation})

@@ -15,6 +15,7 @@ from service.commands.reporting import examples
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from service.progress import watched
 
+TOP = 10  # concepts that a table lists unless more are asked for: those of all scales fill several screens
 COMPILING = "still at work: the first cloud after an installation takes up to half a minute, as the engine is compiled"
 
 
@@ -31,9 +32,13 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
 @click.option("--model", metavar="NAME", help="Model to ask.  [default: SHAPE_CONCEPTS_MODEL, or the store's only one]")
 @click.option(
-    "--time", type=click.FloatRange(0, 1), help="Filtration time: 0 specific, 1 generic.  [default: epsilon_max]"
+    "--time",
+    type=click.FloatRange(0, 1),
+    help="Filtration time of all concepts: 0 specific, 1 generic.  [default: epsilon_max first, then other times]",
 )
-@click.option("--top", type=click.IntRange(min=1), help="How many concepts to list.  [default: all]")
+@click.option(
+    "--top", type=click.IntRange(min=1), help=f"How many concepts to list.  [default: {TOP}; all with --json]"
+)
 @click.option("--unit", default="m", show_default=True, help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.")
 @click.option(
     "--viewpoint", metavar="POSE", help="Sensor pose in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz."
@@ -59,8 +64,8 @@ def respond(
     """Answers clouds with the concepts they resemble.
 
     Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY or NPZ file, or - for
-    standard input. Concepts are listed best first; with --json, one line a cloud. A cloud that cannot be answered
-    does not keep the others from it, but the exit code is 1 at the end.
+    standard input. Concepts are listed best first, those at epsilon_max before those of other times; with --json, one
+    line a cloud. A cloud that cannot be answered does not keep the others from it, but the exit code is 1 at the end.
     """
     from service.application import CloudFile, parse_viewpoint
     from service.clouds import UNITS
@@ -90,7 +95,7 @@ def respond(
                     model=name,
                     version=version,
                     time=time,
-                    top=top,
+                    top=top or (None if as_json else TOP),
                     stimuli=stimuli,
                     explain=explain,
                     segments=segments,

@@ -6,7 +6,6 @@ Sec. Extraction of Persistent Shape Concepts, and Sec. Shape Concept Inference, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,6 @@ from service.engine.filtration import Filtration
 from service.engine.metric import Metric
 from service.engine.params import ResponseParams
 from service.engine.stimuli import Stimuli
-
-NEGLIGIBLE = 1e-9  # deviations of less than this share of the largest squared distance are rounding
 
 
 @dataclass(frozen=True)
@@ -40,15 +37,28 @@ class Concepts:
     assignment: NDArray[np.int64]
 
 
-class Baseline(NamedTuple):
-    """The relative responses of the training objects to each concept: what is usual.
+@dataclass(frozen=True)
+class Spectrum:
+    """The concepts that an object is compared with, of one filtration time or of several.
 
     Attributes:
-        mean: (C,) float64; deviation: (C,) float64, 1 where they do not vary.
+        concepts: those of the time asked for, epsilon_max for none; they are the first C of all K.
+        ids: (K,) int64: nodes in the merge tree, each once.
+        sizes: (K,) int64: numbers of prototypes.
+        times: (K,) float64: the filtration time at which each was taken, of several the earliest.
+        membership: (K, N) float64 sparse: one over the concept's size where a prototype belongs to it.
     """
 
-    mean: NDArray[np.float64]
-    deviation: NDArray[np.float64]
+    concepts: Concepts
+    ids: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    times: NDArray[np.float64]
+    membership: csr_array
+
+    def members(self, concept: int) -> NDArray[np.int64]:
+        """The prototypes of one concept, ascending."""
+        first, end = self.membership.indptr[concept : concept + 2]
+        return np.sort(self.membership.indices[first:end]).astype(np.int64)
 
 
 def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:
@@ -78,65 +88,84 @@ def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:
     return Concepts(moment, size + last[ranked], count[ranked].astype(np.int64), place[component])
 
 
-def baseline_of(concepts: Concepts, prototypes: NDArray[np.float64]) -> Baseline:
-    """How the training objects themselves respond to the concepts.
-
-    The mean squared distance to a set of points is that to their mean and their spread about it, so no distance
-    between two prototypes is needed.
+def spectrum_at(filtration: Filtration, time: float | None, scales: int) -> Spectrum:
+    """The concepts to compare an object with.
 
     Args:
-        concepts: C of them, over N prototypes.
+        filtration: of N prototypes.
+        time: in [0, 1]: the concepts of that time alone. None: those at epsilon_max, and after them the specific and
+            the generic ones, which the filtration has at other times only, in the order of these times.
+        scales: n of the other times 1/n to (n-1)/n.
+
+    Raises:
+        InvalidParameter: the time is not in [0, 1].
+    """
+    own = concepts_at(filtration, time)
+    others = [concepts_at(filtration, step / scales) for step in range(1, scales)] if time is None else []
+    seen: dict[int, tuple[float, NDArray[np.int64]]] = {}
+    for concepts in (own, *others):
+        order = np.argsort(concepts.assignment, kind="stable")
+        members = np.split(order[len(order) - concepts.sizes.sum() :], np.cumsum(concepts.sizes)[:-1])
+        for node, prototypes in zip(concepts.ids.tolist(), members, strict=False):
+            seen.setdefault(node, (concepts.time, prototypes))
+    sizes = np.array([len(prototypes) for _, prototypes in seen.values()], np.int64)
+    columns = np.concatenate([prototypes for _, prototypes in seen.values()] or [np.zeros(0, np.int64)])
+    shape = (len(sizes), len(own.assignment))
+    membership = csr_array((np.repeat(1.0 / sizes, sizes), columns, np.cumsum([0, *sizes])), shape=shape)
+    times = np.array([moment for moment, _ in seen.values()])
+    return Spectrum(own, np.array(list(seen), np.int64), sizes, times, membership)
+
+
+def spread_of(spectrum: Spectrum, prototypes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean squared distance of each concept's prototypes from their mean (K,).
+
+    Args:
+        spectrum: K concepts over N prototypes.
         prototypes: (N, k): the embedded stimuli of the training objects.
     """
-    centre = np.stack([_mean_over_concepts(axis, concepts) for axis in prototypes.T], axis=1)
-    norm = (prototypes**2).sum(axis=1)
-    squared = norm[:, None] - 2 * prototypes @ centre.T + _mean_over_concepts(norm, concepts)
-    relative = squared - squared.mean(axis=1, keepdims=True) if len(centre) else squared
-    deviation = relative.std(axis=0)
-    varies = deviation > NEGLIGIBLE * squared.max(initial=0.0)
-    return Baseline(relative.mean(axis=0), np.where(varies, deviation, 1.0))
+    squared = spectrum.membership @ (prototypes**2).sum(axis=1)
+    return np.asarray(squared - ((spectrum.membership @ prototypes) ** 2).sum(axis=1))
 
 
 def respond_to_concepts(
-    stimuli: Stimuli,
-    concepts: Concepts,
-    metric: Metric,
-    prototypes: NDArray[np.float64],
-    baseline: Baseline,
-    params: ResponseParams,
+    squared: NDArray[np.float64], spectrum: Spectrum, spread: NDArray[np.float64], params: ResponseParams
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """An object's responses to all concepts.
 
+    The mean squared distance to a concept's prototypes is that to their mean, and their spread about it: taken off,
+    the spread no longer ranks tight concepts before wide ones. What an object has of all concepts alike, being far
+    from everything, is taken off too.
+
     Args:
-        stimuli: of the object.
-        concepts: C of them, over N prototypes.
-        metric: between stimuli vectors.
-        prototypes: (N, k): the embedded stimuli of the training objects.
-        baseline: of the training objects.
+        squared: (N,) squared Mahalanobis distances of the object from the concept prototypes.
+        spectrum: K concepts over N prototypes.
+        spread: (K,) of the concepts.
         params: which form is scored.
 
     Returns:
-        The form that is scored (C,), and the mean Mahalanobis distance to each concept's prototypes, Eq. 4 (C,); of
+        The form that is scored (K,), and the mean Mahalanobis distance to each concept's prototypes, Eq. 4 (K,); of
         both, smaller is closer.
     """
-    squared = squared_distances(stimuli, metric, prototypes)
-    distances = _mean_over_concepts(np.sqrt(squared), concepts)
+    distances = np.asarray(spectrum.membership @ np.sqrt(squared))
     if params.score == "distance" or len(distances) == 0:
         return distances, distances
-    mean_squared = _mean_over_concepts(squared, concepts)
-    relative = mean_squared - mean_squared.mean()
-    if params.score == "relative":
-        return relative, distances
-    return (relative - baseline.mean) / baseline.deviation, distances
+    mean_squared = spectrum.membership @ squared
+    if params.score == "centred":
+        mean_squared = mean_squared - spread
+    return mean_squared - mean_squared.mean(), distances
+
+
+def rank_concepts(responses: NDArray[np.float64], spectrum: Spectrum) -> NDArray[np.int64]:
+    """Places of the concepts (K,): those of the time asked for, closest first, then all others, closest first.
+
+    Of equal ones the first. Concepts of one time share no prototype: the first is one of several that exclude each
+    other, and a specific concept within it, or a generic one around it, comes later.
+    """
+    other = np.arange(len(responses)) >= len(spectrum.concepts.sizes)
+    return np.lexsort((responses, other))
 
 
 def squared_distances(stimuli: Stimuli, metric: Metric, prototypes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Squared Mahalanobis distances of an object from all training objects (N,)."""
     row = csr_array((stimuli.values, stimuli.indices, [0, len(stimuli.indices)]), shape=(1, len(metric.weights)))
     return np.asarray(((prototypes - metric.embed(row)) ** 2).sum(axis=1) + metric.residual(row))
-
-
-def _mean_over_concepts(values: NDArray[np.float64], concepts: Concepts) -> NDArray[np.float64]:
-    member = concepts.assignment >= 0
-    total = np.bincount(concepts.assignment[member], values[member], minlength=len(concepts.sizes))
-    return total / concepts.sizes

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.concepts import Concepts
+from service.engine.concepts import Spectrum
 from service.engine.divergence import jsd_matrix
 from service.engine.motifs import Ensemble, Hierarchy
 from service.engine.perception import Perception
@@ -132,13 +132,13 @@ class Evidence(NamedTuple):
     ranking: NDArray[np.int64]
 
 
-def explain_response(evidence: Evidence, ensemble: Ensemble, concepts: Concepts, prototypes: Prototypes) -> Explanation:
+def explain_response(evidence: Evidence, ensemble: Ensemble, spectrum: Spectrum, prototypes: Prototypes) -> Explanation:
     """Tells why a response is what it is.
 
     Args:
         evidence: what it was made of.
         ensemble: HE.
-        concepts: that were responded to.
+        spectrum: the concepts that were responded to.
         prototypes: the training objects.
     """
     everything = np.arange(len(prototypes.cloud_keys))
@@ -147,8 +147,8 @@ def explain_response(evidence: Evidence, ensemble: Ensemble, concepts: Concepts,
         vertices=_fired(evidence, ensemble, prototypes),
         concepts=tuple(
             NearConcept(
-                int(concepts.ids[c]),
-                _nearest(evidence.distances, np.flatnonzero(concepts.assignment == c), prototypes),
+                int(spectrum.ids[c]),
+                _nearest(evidence.distances, spectrum.members(c), prototypes),
             )
             for c in evidence.ranking[:CONCEPTS].tolist()
         ),

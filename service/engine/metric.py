@@ -13,16 +13,16 @@ from scipy.sparse import csr_array
 class Metric:
     """The Mahalanobis distance between stimuli vectors, as a linear embedding in which it is Euclidean.
 
-    d^2(a, b) = |(f(a) - f(b)) W|^2 + |r(a) - r(b)|^2 / v, where f (takes, if asked, the square root of the vector
+    d^2(a, b) = |(f(a) - f(b)) W|^2 + |r(a) - r(b)|^2 / v, where f (takes, if asked, a power of the vector
     normalised to sum 1, and) weighs each dimension, and r is what of f lies outside the subspace.
 
     Attributes:
-        weights: (V,) float32: of each dimension, after the square root.
+        weights: (V,) float32: of each dimension, after the power.
         mean: (V,) float32.
         components: (k, V) float32: orthonormal.
         variance: (k,) float64: along each component.
         residual_variance: v, outside the components; infinite where only the subspace counts.
-        hellinger: whether square roots of vectors normalised to sum 1 are compared.
+        power: of vectors normalised to sum 1, to which they are compared; 1: raw vectors.
     """
 
     weights: NDArray[np.float32]
@@ -30,7 +30,7 @@ class Metric:
     components: NDArray[np.float32]
     variance: NDArray[np.float64]
     residual_variance: float
-    hellinger: bool
+    power: float
 
     def embed(self, stimuli: csr_array) -> NDArray[np.float64]:
         """Coordinates of stimuli vectors (n, V), in units of standard deviations; (n, k)."""
@@ -49,14 +49,14 @@ class Metric:
 
     def features(self, stimuli: csr_array) -> csr_array:
         """The compared form of each row, sparse float64; a vector of zeros stays one."""
-        return features(stimuli, self.weights, self.hellinger)
+        return features(stimuli, self.weights, self.power)
 
 
-def features(stimuli: csr_array, weights: NDArray[np.float32], hellinger: bool) -> csr_array:
-    """Weighted stimuli vectors (n, V), or weighted square roots of those normalised to sum 1."""
+def features(stimuli: csr_array, weights: NDArray[np.float32], power: float) -> csr_array:
+    """Weighted stimuli vectors (n, V), or weighted powers of those normalised to sum 1."""
     rows = csr_array(stimuli.astype(np.float64))
-    if hellinger:
+    if power != 1:
         total = np.asarray(rows.sum(axis=1)).ravel()
         scale = np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
-        rows = csr_array((np.sqrt(rows.data / scale), rows.indices, rows.indptr), shape=rows.shape)
+        rows = csr_array(((rows.data / scale) ** power, rows.indices, rows.indptr), shape=rows.shape)
     return csr_array(rows.multiply(weights[None, :]))

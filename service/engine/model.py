@@ -14,11 +14,13 @@ from scipy.sparse import csr_array
 from service.engine import tensors as layout
 from service.engine.cloud import PointCloud
 from service.engine.concepts import (
-    Baseline,
     Concepts,
-    baseline_of,
+    Spectrum,
     concepts_at,
+    rank_concepts,
     respond_to_concepts,
+    spectrum_at,
+    spread_of,
     squared_distances,
 )
 from service.engine.dictionary import Dictionary
@@ -40,14 +42,15 @@ class Response:
     """What an object's cloud has in common with each concept.
 
     Attributes:
-        responses: (C,) float64: rho^o in the form that is scored; smaller is closer.
-        distances: (C,) float64: the mean Mahalanobis distances of Eq. 4; smaller is closer.
-        concept_ids: (C,) int64: the concepts' nodes in the merge tree.
-        concept_sizes: (C,) int64: numbers of concept prototypes.
-        ranking: (C,) int64: places of the concepts, closest first; of equal ones the first.
+        responses: (K,) float64: rho^o in the form that is scored; smaller is closer.
+        distances: (K,) float64: the mean Mahalanobis distances of Eq. 4; smaller is closer.
+        concept_ids: (K,) int64: the concepts' nodes in the merge tree; those at `time` first.
+        concept_sizes: (K,) int64: numbers of concept prototypes.
+        concept_times: (K,) float64: the filtration time at which each was taken, [0, 1].
+        ranking: (K,) int64: places of the concepts, those at `time` before all others, closest first.
         novelty: how unlike everything learned the object is, [0, 1]: the share of the training objects that are less
             apart from all others.
-        time: the filtration time of the concepts, [0, 1].
+        time: the filtration time of the first concepts, [0, 1].
         segments: number of segments S that the object was seen to have.
         extent_m: the object's robust diameter, metres.
         truncated: whether constellations were cut off.
@@ -62,6 +65,7 @@ class Response:
     distances: NDArray[np.float64]
     concept_ids: NDArray[np.int64]
     concept_sizes: NDArray[np.int64]
+    concept_times: NDArray[np.float64]
     ranking: NDArray[np.int64]
     novelty: float
     time: float
@@ -115,7 +119,8 @@ class ShapeModel:
 
         Args:
             cloud: of one object, in the sensor's frame.
-            time: filtration time of the concepts, [0, 1]; None for epsilon_max.
+            time: filtration time of the concepts, [0, 1]; None for epsilon_max and, after its concepts, those of the
+                other scales.
             explain: whether the response says why it is what it is.
             segments: whether it says of each point of the cloud to which segment it belongs.
             on_stage: called as each stage begins.
@@ -124,41 +129,41 @@ class ShapeModel:
             InvalidCloud: the cloud cannot be described; a child says why.
             InvalidParameter: the time is out of range.
         """
-        concepts = self.concepts(time)
+        spectrum = self.spectrum(time)
         seen = perceive(cloud, self.params, on_stage)
 
         on_stage("stimuli")
         words = self.dictionary.words(seen.segment_descriptors)
         excitation = excite(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
-        stimuli = accumulate(excitation, self.params.stimuli)
+        stimuli = accumulate(excitation, self.ensemble, self.params.stimuli)
 
         on_stage("novelty")
         whole = seen.descriptors[whole_of(seen.constellations)]
         divergences = divergences_from(whole, self.ensemble, self.novelty_scale)
 
         on_stage("responses")
-        responses, distances = respond_to_concepts(
-            stimuli, concepts, self.metric, self.embedded_prototypes, self._baseline(concepts), self.params.response
-        )
-        ranking = np.argsort(responses, kind="stable")
+        squared = squared_distances(stimuli, self.metric, self.embedded_prototypes)
+        spread = spread_of(spectrum, self.embedded_prototypes)
+        responses, distances = respond_to_concepts(squared, spectrum, spread, self.params.response)
+        ranking = rank_concepts(responses, spectrum)
 
         explanation, point_segments = None, None
         if explain:
             on_stage("explanation")
-            apart = np.sqrt(squared_distances(stimuli, self.metric, self.embedded_prototypes))
-            evidence = Evidence(seen, words, excitation, stimuli, apart, divergences, ranking)
-            explanation = explain_response(evidence, self.ensemble, concepts, self.prototypes)
+            evidence = Evidence(seen, words, excitation, stimuli, np.sqrt(squared), divergences, ranking)
+            explanation = explain_response(evidence, self.ensemble, spectrum, self.prototypes)
         if segments:
             on_stage("points")
             point_segments = segments_of_points(cloud, seen.graph)
         return Response(
             responses=responses,
             distances=distances,
-            concept_ids=concepts.ids,
-            concept_sizes=concepts.sizes,
+            concept_ids=spectrum.ids,
+            concept_sizes=spectrum.sizes,
+            concept_times=spectrum.times,
             ranking=ranking,
             novelty=self.novelty_scale.novelty(divergences.min()),
-            time=concepts.time,
+            time=spectrum.concepts.time,
             segments=seen.graph.count,
             extent_m=seen.graph.frame.extent,
             truncated=seen.constellations.truncated,
@@ -177,16 +182,13 @@ class ShapeModel:
         """The concept prototypes in the metric's coordinates (N, k)."""
         return self.metric.embed(self.stimuli)
 
-    def _baseline(self, concepts: Concepts) -> Baseline:
-        """How the training objects respond to these concepts; remembered, as there are but few sets of concepts."""
-        key = concepts.ids.tobytes()
-        if key not in self._baselines:
-            self._baselines[key] = baseline_of(concepts, self.embedded_prototypes)
-        return self._baselines[key]
+    def spectrum(self, time: float | None = None) -> Spectrum:
+        """The concepts to compare an object with: those at a time; None for those at epsilon_max and of all scales."""
+        return self._whole_spectrum if time is None else spectrum_at(self.filtration, time, 1)
 
     @cached_property
-    def _baselines(self) -> dict[bytes, Baseline]:
-        return {}
+    def _whole_spectrum(self) -> Spectrum:
+        return spectrum_at(self.filtration, None, self.params.response.scales)
 
     def facts(self) -> dict[str, Any]:
         """What the manifest says of the model beside its parameters."""
@@ -198,6 +200,7 @@ class ShapeModel:
                 "motif_vertices": self.ensemble.vertex_count,
                 "motif_vertices_of_hierarchies": levels,
                 "concepts": len(self.concepts().sizes),
+                "concepts_of_all_scales": len(self.spectrum().sizes),
             },
             "stimuli_fill": self.stimuli.nnz / (self.stimuli.shape[0] * self.stimuli.shape[1]),
             "filtration_step": time_step(self.filtration.distance, self.params.filtration.max_steps),

@@ -87,6 +87,11 @@ class Ensemble:
         return sum(len(h.vertices) for h in self.hierarchies)
 
     @cached_property
+    def vertex_levels(self) -> NDArray[np.int64]:
+        """The motif level of each vertex (V,)."""
+        return np.array([level for h in self.hierarchies for level, _ in h.vertices], dtype=np.int64)
+
+    @cached_property
     def mean_over_vertex(self) -> csr_array:
         """(P, V) sparse: a row of kernel values times this is the mean over each vertex's prototypes (Eq. 1)."""
         members = csr_array(vstack([h.prototypes for h in self.hierarchies], format="csr"))
@@ -99,8 +104,8 @@ def propagate(graph: SegmentGraph, params: HierarchyParams) -> Constellations:
 
     Level 1: single segments, with an edge where they are adjacent. Each edge's union is a constellation of the next
     level, where an edge joins constellations that share a segment; and so on, until one is left. The whole object is
-    always the last. Of more than `max_constellations` on a level the largest are kept (of equal ones that of the
-    larger segments).
+    always the last; with `whole_apart` it stands once more, on the level `max_levels` + 1, where there are only wholes.
+    Of more than `max_constellations` on a level the largest are kept (of equal ones that of the larger segments).
     """
     whole = (1 << graph.count) - 1
     found = _Found()
@@ -121,7 +126,7 @@ def propagate(graph: SegmentGraph, params: HierarchyParams) -> Constellations:
         level = kept
     else:
         truncated |= level != [whole]
-    return found.record(whole, graph.share, truncated)
+    return found.record(whole, params.max_levels + 1 if params.whole_apart else None, graph.share, truncated)
 
 
 class _Found:
@@ -141,8 +146,11 @@ class _Found:
             if a | b in kept:
                 self.unions += [((level, a), (level + 1, a | b)), ((level, b), (level + 1, a | b))]
 
-    def record(self, whole: int, share: NDArray[np.float64], truncated: bool) -> Constellations:
-        if all(mask != whole for _, mask in self.rows):
+    def record(self, whole: int, top: int | None, share: NDArray[np.float64], truncated: bool) -> Constellations:
+        """All that was found, and the whole object: on the level `top`, or, where that is None, as the last."""
+        if top is not None:
+            self.add(top, whole)
+        elif all(mask != whole for _, mask in self.rows):
             self.add(max(level for level, _ in self.rows) + 1, whole)
         masks = list(dict.fromkeys(mask for _, mask in self.rows))
         place = {mask: c for c, mask in enumerate(masks)}

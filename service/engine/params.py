@@ -7,9 +7,9 @@ what the defaults gain over them is measured in `tests/benchmarks/RESULTS.md`.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from service.engine.errors import InvalidParameter
 
@@ -75,7 +75,7 @@ class DescriptorParams(StageParams):
 class DictionaryParams(StageParams):
     """The hierarchical dictionary of visual words."""
 
-    levels: int = Field(4, ge=1, le=10, description="n: level f holds 2^f visual words; one motif hierarchy a level")
+    levels: int = Field(6, ge=1, le=10, description="n: level f holds 2^f visual words; one motif hierarchy a level")
 
 
 class HierarchyParams(StageParams):
@@ -85,28 +85,56 @@ class HierarchyParams(StageParams):
         24, ge=1, le=4096, description="constellations kept on one motif level; the largest stay, the rest is cut off"
     )
     max_levels: int = Field(12, ge=1, le=62, description="motif levels below the whole object")
+    whole_apart: bool = Field(
+        True, description="whole objects form a level of their own above all others, however many segments they have"
+    )
 
 
 class StimuliParams(StageParams):
-    """Eq. 1 and how a vertex's several stimuli become one.
+    """Eq. 1, how a vertex's several stimuli become one, and how the motif levels are weighed.
 
     The paper: only vertices with the constellation's very words fire (`gating` "words"), sigma = 0.025, stimuli are
-    accumulated (`pooling` "sum"), and a constellation's size does not count (`coverage_power` 0).
+    accumulated (`pooling` "sum"), a constellation's size does not count (`coverage_power` 0), and motif levels are not
+    weighed against each other (`balanced` False).
     """
 
-    sigma: float = Field(0.08, gt=0, le=1, description="bandwidth of the kernel, nats of JSD")
-    gating: Literal["words", "kernel"] = Field("kernel", description="which vertices a constellation may activate")
-    pooling: Literal["sum", "mean", "max"] = Field("max", description="over the constellations that activate a vertex")
-    coverage_power: float = Field(
-        2.0, ge=0, le=8, description="stimuli are weighted by the covered share to this power"
+    sigma: float = Field(0.1, gt=0, le=1, description="bandwidth of the kernel, nats of JSD")
+    gating: Literal["words", "level", "kernel"] = Field(
+        "level",
+        description="which vertices a constellation may activate: those of its motif, of its motif level, or all",
     )
-    cutoff: float = Field(1e-4, ge=0, lt=0.1, description="stimuli below this are stored as 0")
+    pooling: Literal["sum", "mean", "max"] = Field("mean", description="over the constellations that activate a vertex")
+    coverage_power: float = Field(
+        2.0, ge=0, le=8, description="constellations are weighted by the covered share to this power"
+    )
+    balanced: bool = Field(
+        True, description="single segments, their unions and whole objects excite as much in total as their weights say"
+    )
+    segment_weight: float = Field(1.0, ge=0, le=100, description="of the vertices of motif level 1, where balanced")
+    union_weight: float = Field(
+        0.0, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
+    )
+    whole_weight: float = Field(1.0, ge=0, le=100, description="of the vertices of whole objects, where balanced")
+    cutoff: float = Field(1e-6, ge=0, lt=0.1, description="stimuli of less than this are stored as 0")
+
+    @model_validator(mode="after")
+    def _some_weight(self) -> Self:
+        if self.balanced and not self.segment_weight + self.union_weight + self.whole_weight:
+            raise ValueError("of segment_weight, union_weight and whole_weight at least one is not 0")
+        return self
 
 
 class FiltrationParams(StageParams):
     """The filtration of the topological space."""
 
     max_steps: int = Field(100, ge=1, le=10_000, description="upper bound on the number of steps |E|")
+    window: float = Field(
+        0.1,
+        ge=0,
+        le=0.5,
+        description="epsilon_max is the middle of the stretch of time of this length with most annexations; 0, as in "
+        "the paper: the single step with most",
+    )
 
 
 class ResponseParams(StageParams):
@@ -119,13 +147,24 @@ class ResponseParams(StageParams):
     metric: Literal["subspace", "diagonal", "shrunk", "identity"] = Field(
         "subspace", description="form of the covariance"
     )
-    dimensions: int = Field(32, ge=1, le=512, description="strongest components kept by the metric 'subspace'")
-    hellinger: bool = Field(True, description="measure between square roots of the stimuli normalised to sum 1")
-    score: Literal["standard", "relative", "distance"] = Field(
-        "standard",
-        description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts; 'standard': "
-        "that, less its mean over the training objects, over their standard deviation, so that tight concepts do not "
-        "always rank first",
+    dimensions: int = Field(16, ge=1, le=512, description="strongest components kept by the metric 'subspace'")
+    power: float = Field(
+        0.25,
+        gt=0,
+        le=1,
+        description="stimuli normalised to sum 1 are compared after this power: 0.5 is Hellinger's; 1: raw stimuli",
+    )
+    score: Literal["centred", "relative", "distance"] = Field(
+        "centred",
+        description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts; 'centred': "
+        "each concept's own spread taken off first, so that tight concepts do not always rank first",
+    )
+    scales: int = Field(
+        10,
+        ge=1,
+        le=100,
+        description="beside the concepts at epsilon_max those at the times 1/n to (n-1)/n of the filtration are "
+        "answered, specific and generic ones; 1: none",
     )
 
 
@@ -157,7 +196,12 @@ class ModelParams(StageParams):
         if name == "paper":
             return cls(
                 descriptor=DescriptorParams(shape_weight=0),
-                stimuli=StimuliParams(sigma=0.025, gating="words", pooling="sum", coverage_power=0, cutoff=0),
-                response=ResponseParams(metric="shrunk", hellinger=False, score="distance"),
+                dictionary=DictionaryParams(levels=4),
+                hierarchy=HierarchyParams(whole_apart=False),
+                stimuli=StimuliParams(
+                    sigma=0.025, gating="words", pooling="sum", coverage_power=0, balanced=False, cutoff=0
+                ),
+                filtration=FiltrationParams(window=0),
+                response=ResponseParams(metric="shrunk", power=1, score="distance", scales=1),
             )
         raise InvalidParameter(f"There is no preset '{name}'; there are 'default' and 'paper'.")

@@ -30,10 +30,12 @@ class Excitation(NamedTuple):
     Attributes:
         alpha: (C, V) float64: the stimulus that each constellation gives each vertex, 0 where it does not activate it.
         active: (C, V) bool: which constellation activates which vertex: the indicator of Eq. 1; None where all do.
+        weights: (C,) float64: of the constellations, by what they cover; part of `alpha`.
     """
 
     alpha: NDArray[np.float64]
     active: NDArray[np.bool_] | None
+    weights: NDArray[np.float64]
 
 
 def stimulate(
@@ -52,7 +54,7 @@ def stimulate(
         words: (S, n) of the segments.
         params: bandwidth, gating and pooling.
     """
-    return accumulate(excite(ensemble, constellations, descriptors, words, params), params)
+    return accumulate(excite(ensemble, constellations, descriptors, words, params), ensemble, params)
 
 
 def excite(
@@ -65,14 +67,22 @@ def excite(
     """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`."""
     kernel = gaussian_of_jsd(descriptors, ensemble.prototypes, params.sigma)
     alpha = kernel @ ensemble.mean_over_vertex  # (C, V): the mean over T^v of each constellation's kernel values
-    alpha *= (constellations.coverage**params.coverage_power)[:, None]
+    weights = constellations.coverage**params.coverage_power
     active = _activated(ensemble, constellations, words, params)
-    return Excitation(alpha if active is None else np.where(active, alpha, 0.0), active)
+    if active is not None:
+        alpha[~active] = 0.0
+    return Excitation(alpha * weights[:, None], active, weights)
 
 
-def accumulate(excitation: Excitation, params: StimuliParams) -> Stimuli:
-    """The stimuli vector: one stimulus a vertex, of those of all constellations that activate it."""
-    gamma = _pool(excitation, params.pooling).astype(np.float32)
+def accumulate(excitation: Excitation, ensemble: Ensemble, params: StimuliParams) -> Stimuli:
+    """The stimuli vector: one stimulus a vertex, of those of all constellations that activate it.
+
+    Where motif levels are balanced, the stimuli of each rank, single segments, unions and wholes, are scaled to sum to
+    the rank's weight times the number of all vertices, so that they are about 1, and weak in no object. A rank that
+    an object has no constellation of stays 0.
+    """
+    pooled = _pool(excitation, params.pooling)
+    gamma = (_balance(pooled, ensemble, params) if params.balanced else pooled).astype(np.float32)
     index = np.flatnonzero(gamma > params.cutoff).astype(np.int32)
     return Stimuli(index, gamma[index])
 
@@ -88,6 +98,11 @@ def _activated(
     """Which constellation activates which vertex (C, V); None where all do."""
     if params.gating == "kernel":
         return None
+    if params.gating == "level":
+        on_level = np.zeros((len(constellations.members), int(ensemble.vertex_levels.max()) + 1), dtype=bool)
+        known = constellations.levels[constellations.levels[:, 0] < on_level.shape[1]]
+        on_level[known[:, 1], known[:, 0]] = True
+        return on_level[:, ensemble.vertex_levels]
     active = np.zeros((len(constellations.members), ensemble.vertex_count), dtype=bool)
     first = 0
     for hierarchy, column in zip(ensemble.hierarchies, words.T, strict=True):
@@ -100,10 +115,23 @@ def _activated(
 
 
 def _pool(excitation: Excitation, pooling: str) -> NDArray[np.float64]:
-    alpha, active = excitation
+    alpha, active, weights = excitation
     if pooling == "max":
         return alpha.max(axis=0)
     total = alpha.sum(axis=0)
     if pooling == "sum":
         return total
-    return total / (len(alpha) if active is None else np.maximum(active.sum(axis=0), 1))
+    share = np.full(alpha.shape[1], weights.sum()) if active is None else weights @ active
+    return np.asarray(total / np.where(share > 0, share, 1.0))
+
+
+def _balance(gamma: NDArray[np.float64], ensemble: Ensemble, params: StimuliParams) -> NDArray[np.float64]:
+    """Stimuli of which each rank's sum to its weight times V."""
+    level, top = ensemble.vertex_levels, int(ensemble.vertex_levels.max())
+    ranks = (level == 1, (level > 1) & (level < top), (level > 1) & (level == top))
+    out = np.zeros_like(gamma)
+    for rank, weight in zip(ranks, (params.segment_weight, params.union_weight, params.whole_weight), strict=True):
+        total = gamma[rank].sum()
+        if total > 0:
+            out[rank] = gamma[rank] * (weight * len(gamma) / total)
+    return out

@@ -42,7 +42,7 @@ LAYOUT = {
     "metric.components": Kind(np.float32, ("components", "vertices")),
     "metric.variance": Kind(np.float64, ("components",)),
     "metric.residual_variance": Kind(np.float64, (1,)),
-    "metric.hellinger": Kind(np.uint8, (1,)),
+    "metric.power": Kind(np.float64, (1,)),
     "ensemble.prototypes": Kind(np.float32, ("motif prototypes", "bins")),
     "ensemble.objects": Kind(np.int64, ("motif prototypes",)),
     "novelty.wholes": Kind(np.int64, ("objects",)),

@@ -50,7 +50,7 @@ def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
         "metric.components": metric.components,
         "metric.variance": metric.variance,
         "metric.residual_variance": np.array([metric.residual_variance]),
-        "metric.hellinger": np.array([metric.hellinger], dtype=np.uint8),
+        "metric.power": np.array([metric.power]),
         "ensemble.prototypes": model.ensemble.prototypes,
         "ensemble.objects": model.ensemble.objects,
         "novelty.wholes": model.novelty_scale.wholes,
@@ -103,7 +103,7 @@ def _parts(tensors: Tensors, levels: int) -> dict[str, Any]:
         "metric": Metric(
             **metric,
             residual_variance=float(tensors["metric.residual_variance"][0]),
-            hellinger=bool(tensors["metric.hellinger"][0]),
+            power=float(tensors["metric.power"][0]),
         ),
         "novelty_scale": NoveltyScale(tensors["novelty.wholes"], tensors["novelty.divergences"]),
         "prototypes": Prototypes(
@@ -141,7 +141,7 @@ def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> N
         ("concepts are those of F", lambda: _same_concepts(filtration, tensors["concepts.assignment"])),
         ("the metric fits the stimuli", lambda: len(metric.weights) == vertices and len(metric.variance) > 0),
         ("variances are positive", lambda: metric.variance.min() > 0 and metric.residual_variance > 0),
-        ("the metric is the parameters'", lambda: int(tensors["metric.hellinger"][0]) == params.response.hellinger),
+        ("the metric is the parameters'", lambda: float(tensors["metric.power"][0]) == params.response.power),
         ("every motif prototype has an object", lambda: _inside(ensemble.objects, size)),
         ("every training object has its whole", lambda: _are_wholes(scale.wholes, ensemble)),
         ("divergences ascend", lambda: scale.divergences[0] >= 0 and bool((np.diff(scale.divergences) >= 0).all())),

@@ -42,7 +42,8 @@ def test_an_answer_says_what_the_engine_said(
     assert answer.distances == response.distances.tolist()
     assert [concept.id for concept in answer.concepts] == response.concept_ids[response.ranking].tolist()
     assert [concept.rank for concept in answer.concepts] == list(range(1, len(answer.responses) + 1))
-    assert [concept.response for concept in answer.concepts] == sorted(answer.responses)
+    for told, said in (("response", response.responses), ("time", response.concept_times)):
+        assert [getattr(concept, told) for concept in answer.concepts] == said[response.ranking].tolist()
     assert answer.novelty == response.novelty
     assert answer.stimuli is None
 

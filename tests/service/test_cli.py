@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -55,7 +56,7 @@ def test_respond_prints_one_json_line_a_cloud(folder: Path, model: ShapeModel, c
     assert (first["file"], first["model"], first["version"]) == ("good.ply", "tiny", 1)
     assert first["responses"] == second["responses"] == response.responses.tolist()
     assert first["distances"] == response.distances.tolist()
-    assert set(first["concepts"][0]) == {"id", "name", "response", "distance", "rank", "prototypes"}
+    assert set(first["concepts"][0]) == {"id", "name", "response", "distance", "rank", "prototypes", "time"}
     assert (first["segments"], first["extent_m"], first["truncated"]) == (
         response.segments,
         response.extent_m,
@@ -132,6 +133,19 @@ def test_for_people_results_are_a_table_and_errors_a_line_on_stderr(folder: Path
     assert "bad.ply" not in result.stdout
     (line,) = result.stderr.splitlines()
     assert line.startswith("Error: bad.ply: ")
+
+
+def test_a_table_lists_a_few_concepts_unless_more_are_asked_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = 1  # so small a model has no more concepts than a table lists
+    monkeypatch.setattr("service.commands.respond.TOP", few)
+    (whole,) = lines(run("respond", "--json", "good.ply"))
+    count = len(whole["concepts"])
+    assert count == len(whole["responses"]) > few
+    for arguments, listed in (((), few), (("--top", "2"), 2), (("--top", "999"), count)):
+        table = run("respond", *arguments, "good.ply").stdout
+        rows = re.findall(r"^│ +(\d+) │ +(\d+) │", table, re.MULTILINE)
+        assert rows == [(str(each["rank"]), str(each["id"])) for each in whole["concepts"][:listed]]
+        assert (f"the first {listed} of {count} concepts" in table) == (listed < count)
 
 
 def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 from service.engine.errors import InvalidParameter
 from service.engine.params import ModelParams
 from worker.config import TrainingConfig, read_config
+from worker.simulation.params import SimulationParams
 
 
 def written(folder: Path, name: str, text: str) -> Path:
@@ -35,6 +36,22 @@ def test_stages_stand_over_their_preset(tmp_path: Path) -> None:
     assert config.model.stimuli == paper.stimuli.model_copy(update={"pooling": "max"})
 
 
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_a_preset_is_that_of_the_stages_and_of_the_simulation(tmp_path: Path, preset: str) -> None:
+    config = read_config(written(tmp_path, "p.toml", f"preset = '{preset}'"))
+    assert config.model == ModelParams.preset(preset)
+    assert config.simulation == SimulationParams.preset(preset)
+
+
+def test_a_table_within_the_simulation_stands_over_its_preset(tmp_path: Path) -> None:
+    said = "preset = 'paper'\n[simulation]\nnoise = 'none'\n[simulation.prototypes]\nlongest = 0.3\n"
+    config = read_config(written(tmp_path, "p.toml", said))
+    paper = SimulationParams.preset("paper")
+    prototypes = paper.prototypes.model_copy(update={"longest": 0.3})
+    assert config.simulation == paper.model_copy(update={"noise": "none", "prototypes": prototypes})
+    assert config.model == ModelParams.preset("paper")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -45,6 +62,11 @@ def test_stages_stand_over_their_preset(tmp_path: Path) -> None:
         ("[stimuli]\nsigma = -1", "sigma"),
         ("stimuli = 3", "table of their own"),
         ("[simulation]\norders = [99]", "orders"),
+        ("[simulation.prototypes]\nlongset = 0.1", "longset"),
+        ("[simulation.prototype]\nlongest = 0.1", "prototype"),
+        ("[simulation]\nprototypes = 3", "prototypes"),
+        ("[simulation.noise]\nkind = 'none'", "noise"),
+        ("simulation = 3", "table of their own"),
     ],
 )
 def test_what_cannot_be_is_named(tmp_path: Path, text: str, said: str) -> None:

@@ -12,14 +12,17 @@ from service.engine.filtration import Filtration, annexations_over_time
 from service.engine.params import FiltrationParams
 from service.engine.space import TopologicalSpace
 
+MIDDLES = 100  # stretches of time that are tried, beside the first
+NEGLIGIBLE = 1e-9  # times that differ by less are the same
+
 
 def filtrate(space: TopologicalSpace, params: FiltrationParams) -> Filtration:
     """Grows nested radii over the space and records which component annexes which, and when.
 
     The radii run from the smallest to the largest edge distance in steps of the smallest, or larger ones where more
     than `max_steps` would be needed. Components merge in the order of (distance, edge); the larger one sustains, of
-    equal ones that with the smaller representative. epsilon_max is the time of most annexations, of tied ones the
-    earliest.
+    equal ones that with the smaller representative. epsilon_max is the time of most annexations, counted over
+    stretches of `window`, of tied ones the earliest.
     """
     distance, time = _edge_distances(space.geodesic_sum, space.edges, params.max_steps)
     order = np.lexsort((space.edges[:, 1], space.edges[:, 0], distance))
@@ -27,8 +30,24 @@ def filtrate(space: TopologicalSpace, params: FiltrationParams) -> Filtration:
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     filtration = Filtration(distance, time, rank, annexed, annexing, epsilon_max=0.0)
+    return replace(filtration, epsilon_max=_busiest(filtration, params.window))
+
+
+def _busiest(filtration: Filtration, window: float) -> float:
+    """The middle of the stretch of time of length `window` that sees most annexations, of several the earliest.
+
+    Counts of single steps are few and jump from model to model; a stretch's do not. It lies within [0, 1], so the end
+    of time, where the last annexations crowd and one concept holds everything, is never its middle. Of a stretch of
+    length 0, or where all times are equal, it is the step of most annexations.
+    """
     times, counts = annexations_over_time(filtration)
-    return replace(filtration, epsilon_max=float(times[counts.argmax()]))
+    if window == 0 or len(times) == 1:
+        return float(times[counts.argmax()])
+    middles = np.linspace(window / 2, 1 - window / 2, MIDDLES + 1)
+    before = np.concatenate([[0], np.cumsum(counts)])
+    first = np.searchsorted(times, middles - window / 2 - NEGLIGIBLE)
+    last = np.searchsorted(times, middles + window / 2 + NEGLIGIBLE)
+    return float(middles[np.argmax(before[last] - before[first])])
 
 
 def _edge_distances(

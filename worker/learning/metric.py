@@ -26,7 +26,7 @@ def learn_metric(stimuli: csr_array, params: ResponseParams) -> Metric:
         params: which metric.
     """
     weights = _weights(stimuli, params)
-    rows = features(stimuli, weights, params.hellinger)
+    rows = features(stimuli, weights, params.power)
     mean = np.asarray(rows.mean(axis=0)).ravel()
     limit = params.dimensions if params.metric == "subspace" else min(rows.shape[0] - 1, rows.shape[1])
     components, variance = _principal_components(rows, mean, max(limit, 1))
@@ -35,7 +35,7 @@ def learn_metric(stimuli: csr_array, params: ResponseParams) -> Metric:
         variance, residual = np.ones_like(variance), 1.0
     elif params.metric == "shrunk":
         variance, residual = _shrink(rows, mean, variance)
-    return Metric(weights, mean.astype(np.float32), components.astype(np.float32), variance, residual, params.hellinger)
+    return Metric(weights, mean.astype(np.float32), components.astype(np.float32), variance, residual, params.power)
 
 
 def _weights(stimuli: csr_array, params: ResponseParams) -> NDArray[np.float32]:
@@ -43,7 +43,7 @@ def _weights(stimuli: csr_array, params: ResponseParams) -> NDArray[np.float32]:
     weights = np.ones(stimuli.shape[1], np.float32)
     if params.metric != "diagonal":
         return weights
-    rows = features(stimuli, weights, params.hellinger)
+    rows = features(stimuli, weights, params.power)
     mean = np.asarray(rows.mean(axis=0)).ravel()
     variance = np.asarray(rows.multiply(rows).mean(axis=0)).ravel() - mean**2
     varies = variance > max(NEGLIGIBLE * variance.max(), ALIKE)

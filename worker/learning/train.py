@@ -57,7 +57,13 @@ def train(
     """
     on_stage("segments and descriptors")
     objects, refused = _observe_all(clouds, params)
+    return Trained(learn(objects, params, seed, on_stage), refused)
 
+
+def learn(
+    objects: Sequence[Observation], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
+) -> ShapeModel:
+    """Learns dictionary, hierarchy ensemble and concepts from objects that were observed; arguments as of `train`."""
     with threadpool_limits(1):  # sums of the linear algebra must not depend on the number of threads
         on_stage("dictionary")
         dictionary = learn_dictionary(np.concatenate([o.segment_descriptors for o in objects]), params.dictionary)
@@ -90,20 +96,17 @@ def train(
             thumbnails=np.stack([o.thumbnail for o in objects]),
             map=draw_map(metric.embed(stimuli), seed),
         )
-    return Trained(
-        ShapeModel(
-            params=params,
-            dictionary=dictionary,
-            ensemble=ensemble,
-            stimuli=stimuli,
-            space=space,
-            filtration=filtration,
-            metric=metric,
-            novelty_scale=novelty_scale,
-            prototypes=prototypes,
-            notes=notes,
-        ),
-        refused,
+    return ShapeModel(
+        params=params,
+        dictionary=dictionary,
+        ensemble=ensemble,
+        stimuli=stimuli,
+        space=space,
+        filtration=filtration,
+        metric=metric,
+        novelty_scale=novelty_scale,
+        prototypes=prototypes,
+        notes=notes,
     )
 
 

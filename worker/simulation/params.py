@@ -109,6 +109,19 @@ class SimulationParams(_Frozen):
             raise ValueError(f"orders are different numbers from 1 to {MAX_ORDER}, not {list(self.orders)}")
         return self
 
+    @classmethod
+    def preset(cls, name: str) -> SimulationParams:
+        """The parameters of a named preset: "default", or "paper" for Alg. 1 to the letter.
+
+        Raises:
+            InvalidParameter: there is no preset of that name.
+        """
+        if name == "default":
+            return cls()
+        if name == "paper":
+            return cls(prototypes=PrototypeParams(exposed=0))
+        raise InvalidParameter(f"There is no preset '{name}'; there are 'default' and 'paper'.")
+
     def but(self, **choices: Any) -> SimulationParams:
         """These parameters with some chosen otherwise; None leaves one as it is.
 

@@ -1,6 +1,6 @@
 """The examples of the API's description: a cloud to send, and what a model of 250 simulated objects answered.
 
-The lists of the explanation are cut short.
+The lists of all responses and distances, and those of the explanation, are cut short.
 """
 
 from __future__ import annotations
@@ -43,51 +43,41 @@ CLOUD_XYZ = _corner()
 ANSWER: dict[str, Any] = {
     "model": "default",
     "version": 1,
-    "time": 0.7265241488519398,
+    "time": 0.9319999999999999,
     "responses": [
-        -3.587485990522444,
-        -0.12465411915562276,
-        0.08452292426229956,
-        0.8972513109184432,
-        5.217964214202714,
-        -0.3185437000535783,
-        -1.0959653958322326,
-        1.1523439187971516,
-        -4.468551102158495,
-        2.888672247202159,
-        -0.7479542890242926,
-        -0.42198891880742173,
+        -15.727127501771278,
+        -7.40671071389545,
+        -16.856925768985207,
+        -2.24089138844424,
+        -19.090792374777678,
+        -8.54167047303028,
     ],
     "distances": [
-        17.066674235422873,
-        17.067583039251346,
-        17.402422562709557,
-        17.710595140595743,
-        18.05754286831713,
-        17.102789865508697,
-        16.608890809030417,
-        17.880627771020418,
-        16.21518806387815,
-        17.571783571957635,
-        19.215213472923164,
-        17.06444833960621,
+        11.304278110830708,
+        11.52755614464174,
+        10.842687141396656,
+        11.683797892642207,
+        10.534194745880889,
+        11.057515526360016,
     ],
     "concepts": [
         {
-            "id": 359,
+            "id": 433,
             "name": None,
-            "response": -4.468551102158495,
-            "distance": 16.21518806387815,
+            "response": -23.717405639401306,
+            "distance": 10.596042083198407,
             "rank": 1,
-            "prototypes": 3,
+            "prototypes": 2,
+            "time": 0.9319999999999999,
         },
         {
-            "id": 357,
+            "id": 421,
             "name": None,
-            "response": -3.587485990522444,
-            "distance": 17.066674235422873,
+            "response": -19.448643249572584,
+            "distance": 10.523578729703809,
             "rank": 2,
-            "prototypes": 45,
+            "prototypes": 2,
+            "time": 0.9319999999999999,
         },
     ],
     "novelty": 0.992,
@@ -96,15 +86,15 @@ ANSWER: dict[str, Any] = {
     "truncated": False,
     "warnings": [],
     "timings_ms": {
-        "decode": 0.793,
-        "normalise": 6.504,
-        "patches": 1.039,
-        "segments": 4.863,
-        "constellations": 0.13,
-        "descriptors": 1.928,
-        "stimuli": 16.645,
-        "novelty": 0.357,
-        "responses": 0.727,
+        "decode": 0.422,
+        "normalise": 5.341,
+        "patches": 1.017,
+        "segments": 7.264,
+        "constellations": 0.118,
+        "descriptors": 5.112,
+        "stimuli": 30.341,
+        "novelty": 0.396,
+        "responses": 0.832,
     },
 }
 
@@ -118,7 +108,7 @@ EXPLANATION: dict[str, Any] = {
         {
             "share": 0.36363636363636365,
             "adjacent": [1, 2],
-            "words": [1, 2, 5, 11],
+            "words": [1, 2, 5, 11, 22, 47],
             "centroid_m": [0.013461980508610773, 0.033297655569710385, 0.6510653698541965],
             "extent_m": 0.10296161266535765,
             "nearest": [
@@ -128,7 +118,7 @@ EXPLANATION: dict[str, Any] = {
         {
             "share": 0.3522727272727273,
             "adjacent": [0, 2],
-            "words": [1, 3, 6, 13],
+            "words": [1, 3, 6, 13, 26, 53],
             "centroid_m": [0.014961561844612972, -0.033820587863475714, 0.652416403754894],
             "extent_m": 0.11026625076894675,
             "nearest": [
@@ -138,7 +128,7 @@ EXPLANATION: dict[str, Any] = {
         {
             "share": 0.2840909090909091,
             "adjacent": [0, 1],
-            "words": [1, 2, 5, 11],
+            "words": [1, 2, 5, 11, 22, 44],
             "centroid_m": [-0.033944665281462526, 0.000825598973961465, 0.64980487481014],
             "extent_m": 0.11385308461906732,
             "nearest": [
@@ -148,43 +138,43 @@ EXPLANATION: dict[str, Any] = {
     ],
     "vertices": [
         {
-            "vertex": 1036,
-            "hierarchy": 4,
+            "vertex": 2875,
+            "hierarchy": 6,
             "also_in": [],
-            "level": 3,
-            "words": [10, 11, 11],
-            "stimulus": 0.9951596856117249,
-            "segments": [0, 1, 2],
-            "prototypes": 1,
+            "level": 1,
+            "words": [55],
+            "stimulus": 47.98649978637695,
+            "segments": [0],
+            "prototypes": 38,
             "nearest": [
-                _near(148, "ec6da62a1ff44170b276117b5351402277f32b087ac51645e1bbb01149544c5a", 0.007880778051912785)
+                _near(32, "85ba28ab9edea407814bb232b21d858f45e5a73d5de2bd23d5f6fe2a4b02ec79", 0.016646917909383774)
             ],
         },
         {
-            "vertex": 710,
-            "hierarchy": 4,
+            "vertex": 2877,
+            "hierarchy": 6,
             "also_in": [],
-            "level": 4,
-            "words": [13, 13, 13, 13],
-            "stimulus": 0.9803434610366821,
-            "segments": [0, 1, 2],
-            "prototypes": 1,
+            "level": 1,
+            "words": [60],
+            "stimulus": 47.68075180053711,
+            "segments": [0],
+            "prototypes": 32,
             "nearest": [
-                _near(32, "85ba28ab9edea407814bb232b21d858f45e5a73d5de2bd23d5f6fe2a4b02ec79", 0.01594081148505211)
+                _near(172, "4ce120853a6974822ca4b0ead58c4977964b0272f60e59cc9ab6cd0dd2464658", 0.019359957426786423)
             ],
         },
     ],
     "concepts": [
         {
-            "id": 359,
+            "id": 433,
             "nearest": [
-                _near(118, "6cc34a4e91b715d560e9eba49e183b8624e5e4ee936f6825da2d1d050e2c2e37", 15.726652353091646)
+                _near(239, "d4491b882182482160c09b00e289ba972391021d450b6ff3c5e0d1bcd6ac9c3d", 9.758420680755703)
             ],
         },
         {
-            "id": 357,
+            "id": 421,
             "nearest": [
-                _near(30, "ec1f2d10b9117da102fd670894aed90a909b5b2226d26990558fe303e719d9b6", 13.576869948244642)
+                _near(17, "7c40162476344a13c181af765942add17148dc5f8cecc300a040d365104d2c49", 10.069254967551688)
             ],
         },
     ],
@@ -201,9 +191,9 @@ READINESS: dict[str, Any] = {"model": "default", "version": 1, "models": ["defau
 MANIFEST: dict[str, Any] = {
     "name": "default",
     "version": 1,
-    "created": "2026-11-22T05:29:48Z",
+    "created": "2026-11-22T08:25:46Z",
     "format": "shape-concepts-model",
-    "format_version": 2,
+    "format_version": 3,
     "seed": 7,
     "params": ModelParams().model_dump(mode="json"),
     "source": {
@@ -223,18 +213,19 @@ MANIFEST: dict[str, Any] = {
     "counts": {
         "objects": 250,
         "motif_prototypes": 2193,
-        "motif_vertices": 1295,
-        "motif_vertices_of_hierarchies": [46, 155, 390, 704],
-        "concepts": 12,
+        "motif_vertices": 4321,
+        "motif_vertices_of_hierarchies": [61, 224, 507, 845, 1190, 1494],
+        "concepts": 14,
+        "concepts_of_all_scales": 45,
     },
-    "stimuli_fill": 1.0,
-    "filtration_step": 0.019635787806809187,
-    "epsilon_max": 0.7265241488519398,
+    "stimuli_fill": 0.2335107613978246,
+    "filtration_step": 0.016070502851218246,
+    "epsilon_max": 0.9319999999999999,
     "notes": [],
     "contents": {
         "model.safetensors": {
-            "sha256": "cbc6c518265ef95b0c4c43fc277b802d726465f76123402e7172c417b8769f83",
-            "size": 4999839,
+            "sha256": "cb070b5f6cfb9d27a04c0899f9e69fbf9808af74fb32b056cf40468f77c8eadf",
+            "size": 4948418,
         }
     },
     "libraries": {
@@ -247,7 +238,7 @@ MANIFEST: dict[str, Any] = {
         "open3d-cpu": "0.20.0",
         "sapien": "3.0.3",
     },
-    "digest": "e395a87014ef8f65a175a95feb1634e0e9d8f2a275fddb88a24c4581b2876f1b",
+    "digest": "026fd0d1737a8333ffededc4aca6d7ea6d6259dbc25ac4254cbf62c3055722e3",
 }
 
 _ERRORS: tuple[ShapeConceptsError, ...] = (

@@ -65,7 +65,12 @@ def router(application: Application) -> APIRouter:
         alias: Annotated[str | None, Query(max_length=63, description="alias of the model's version")] = None,
         time: Annotated[
             float | None,
-            Query(ge=0, le=1, description="filtration time: 0 specific, 1 generic; by default the model's epsilon_max"),
+            Query(
+                ge=0,
+                le=1,
+                description="filtration time of all concepts: 0 specific, 1 generic; by default those at the model's "
+                "epsilon_max come first and the specific and generic ones of other times follow",
+            ),
         ] = None,
         top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
         unit: Annotated[str, Query(description=f"of the coordinates: {', '.join(UNITS)}")] = "m",

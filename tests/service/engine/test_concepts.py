@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from service.engine.concepts import Baseline, Concepts, baseline_of, concepts_at, respond_to_concepts
+from service.engine.concepts import (
+    Concepts,
+    Spectrum,
+    concepts_at,
+    rank_concepts,
+    respond_to_concepts,
+    spectrum_at,
+    spread_of,
+    squared_distances,
+)
 from service.engine.errors import InvalidParameter
 from service.engine.filtration import Filtration
 from service.engine.metric import Metric
@@ -93,122 +102,245 @@ def test_a_time_out_of_range_is_refused(time: float):
         concepts_at(filtration(0, 5), time)
 
 
+SCALES = [1, 2, 3, 10]
+
+
+def members_at(f: Filtration, time: float | None) -> dict[int, set[int]]:
+    """Node and prototypes of each concept of one time."""
+    concepts = concepts_at(f, time)
+    return {
+        node: set(np.flatnonzero(concepts.assignment == c).tolist()) for c, node in enumerate(concepts.ids.tolist())
+    }
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("size", [2, 3, 12, 40])
+@pytest.mark.parametrize("scales", SCALES)
+def test_a_spectrum_has_its_own_concepts_and_then_each_further_one_once(seed: int, size: int, scales: int):
+    f = filtration(seed, size)
+    spectrum, own = spectrum_at(f, None, scales), concepts_at(f)
+    ids = spectrum.ids.tolist()
+    assert np.array_equal(spectrum.concepts.assignment, own.assignment)
+    assert spectrum.concepts.time == f.epsilon_max
+    assert ids[: len(own.ids)] == own.ids.tolist()
+    assert len(set(ids)) == len(ids) == len(spectrum.sizes) == len(spectrum.times)
+    everywhere = [members_at(f, None), *(members_at(f, step / scales) for step in range(1, scales))]
+    assert set(ids) == set().union(*everywhere)
+    for c, (node, time) in enumerate(zip(ids, spectrum.times.tolist(), strict=True)):
+        assert spectrum.members(c).tolist() == sorted(members_at(f, time)[node])
+        assert spectrum.sizes[c] == len(spectrum.members(c)) >= 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scales", SCALES)
+def test_further_concepts_are_of_the_earliest_time_that_has_them_and_in_the_order_of_these(seed: int, scales: int):
+    f = filtration(seed, 40)
+    spectrum = spectrum_at(f, None, scales)
+    own = len(spectrum.concepts.sizes)
+    assert (spectrum.times[:own] == f.epsilon_max).all()
+    grid = [step / scales for step in range(1, scales)]
+    for node, time in zip(spectrum.ids[own:].tolist(), spectrum.times[own:].tolist(), strict=True):
+        assert time == min(moment for moment in grid if node in members_at(f, moment))
+    assert (np.diff(spectrum.times[own:]) >= 0).all()
+
+
+@pytest.mark.parametrize("scales", SCALES)
+@pytest.mark.parametrize("time", TIMES)
+def test_a_time_that_is_asked_for_stands_alone(time: float, scales: int):
+    f = filtration(2, 30)
+    spectrum, concepts = spectrum_at(f, time, scales), concepts_at(f, time)
+    assert np.array_equal(spectrum.ids, concepts.ids)
+    assert np.array_equal(spectrum.sizes, concepts.sizes)
+    assert (spectrum.times == time).all()
+    assert {c: set(spectrum.members(c).tolist()) for c in range(len(concepts.ids))} == dict(enumerate(groups(f, time)))
+
+
+def test_one_scale_is_epsilon_max_alone():
+    f = filtration(3, 30)
+    assert np.array_equal(spectrum_at(f, None, 1).ids, concepts_at(f).ids)
+
+
+@pytest.mark.parametrize("scales", SCALES)
+def test_membership_is_the_mean_over_a_concepts_prototypes(scales: int):
+    spectrum = spectrum_at(filtration(1, 25), None, scales)
+    membership = spectrum.membership.toarray()
+    assert membership.shape == (len(spectrum.ids), 25)
+    assert np.allclose(membership.sum(axis=1), 1)
+    values = np.random.default_rng(0).random(25)
+    expected = [values[spectrum.members(c)].mean() for c in range(len(spectrum.ids))]
+    assert np.allclose(spectrum.membership @ values, expected)
+
+
+def test_a_spectrum_of_a_time_out_of_range_is_refused():
+    with pytest.raises(InvalidParameter, match="from 0"):
+        spectrum_at(filtration(0, 5), 1.5, 4)
+
+
+def late() -> Filtration:
+    """Nothing is annexed before the end."""
+    f = filtration(0, 10)
+    return Filtration(f.distance, np.ones(9), f.order, f.annexed, f.annexing, 1.0)
+
+
+def test_a_time_without_concepts_is_an_empty_spectrum():
+    spectrum = spectrum_at(late(), 0.5, 10)
+    assert spectrum.membership.shape == (0, 10)
+    assert len(spectrum.ids) == len(spectrum.sizes) == len(spectrum.times) == 0
+    assert len(spread_of(spectrum, np.ones((10, 3)))) == 0
+    assert len(rank_concepts(np.zeros(0), spectrum)) == 0
+
+
 def sparse(row: np.ndarray) -> Stimuli:
     index = np.flatnonzero(row).astype(np.int32)
     return Stimuli(index, row[index].astype(np.float32))
 
 
-def euclid(vertices: int) -> Metric:
+def euclid(vertices: int, power: float = 1.0) -> Metric:
     return Metric(
         np.ones(vertices, np.float32), np.zeros(vertices, np.float32), np.eye(vertices, dtype=np.float32),
-        np.ones(vertices), np.inf, False,
+        np.ones(vertices), np.inf, power,
     )  # fmt: skip
+
+
+SIZE, VERTICES = 24, 6
 
 
 @pytest.fixture
 def known() -> np.ndarray:
-    return np.random.default_rng(0).random((10, 6)).astype(np.float32)
+    return np.random.default_rng(0).random((SIZE, VERTICES)).astype(np.float32)
 
 
-CONCEPTS = Concepts(0.0, np.array([12, 11]), np.array([4, 3]), np.array([0, 1, -1, 0, 0, 1, -1, 1, 0, -1]))
-USUAL = Baseline(np.array([0.5, -0.5]), np.array([2.0, 3.0]))
+@pytest.fixture
+def query() -> np.ndarray:
+    return np.random.default_rng(1).random(VERTICES).astype(np.float32)
 
 
-def test_responses_are_the_mean_distances_of_eq_4(known: np.ndarray):
-    query = np.random.default_rng(1).random(6).astype(np.float32)
-    metric = euclid(6)
-    params = ResponseParams(metric="identity", hellinger=False, score="distance")
-    scored, distances = respond_to_concepts(
-        sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, params
-    )
-    expected = [
-        np.mean([np.sqrt(((query - known[p]) ** 2).sum()) for p in np.flatnonzero(CONCEPTS.assignment == c)])
-        for c in (0, 1)
-    ]
-    assert np.allclose(distances, expected, rtol=1e-6)
+several_scales = pytest.mark.parametrize("scales", [1, 6])
+
+
+def respond(
+    query: np.ndarray, known: np.ndarray, spectrum: Spectrum, score: str, metric: Metric | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    metric = metric or euclid(VERTICES)
+    stored = metric.embed(csr_array(known))
+    squared = squared_distances(sparse(query), metric, stored)
+    return respond_to_concepts(squared, spectrum, spread_of(spectrum, stored), ResponseParams(score=score))
+
+
+def over_members(values: np.ndarray, spectrum: Spectrum) -> np.ndarray:
+    """The plain mean over each concept's prototypes."""
+    return np.array([np.mean([values[p] for p in spectrum.members(c)]) for c in range(len(spectrum.ids))])
+
+
+@several_scales
+def test_responses_are_the_mean_distances_of_eq_4(known: np.ndarray, query: np.ndarray, scales: int):
+    spectrum = spectrum_at(filtration(4, SIZE), None, scales)
+    scored, distances = respond(query, known, spectrum, "distance")
+    apart = np.array([np.sqrt(sum((query - one) ** 2)) for one in known.astype(float)])
+    assert np.allclose(distances, over_members(apart, spectrum), rtol=1e-6)
     assert np.array_equal(scored, distances)
 
 
-def test_relative_responses_are_mean_squared_distances_less_their_mean(known: np.ndarray):
-    query = np.random.default_rng(1).random(6).astype(np.float32)
-    metric, params = euclid(6), ResponseParams(metric="identity", hellinger=False, score="relative")
-    scored, distances = respond_to_concepts(
-        sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, params
-    )
-    squared = np.array(
-        [np.mean([((query - known[p]) ** 2).sum() for p in np.flatnonzero(CONCEPTS.assignment == c)]) for c in (0, 1)]
-    )
+@several_scales
+def test_relative_responses_are_mean_squared_distances_less_their_mean(
+    known: np.ndarray, query: np.ndarray, scales: int
+):
+    spectrum = spectrum_at(filtration(4, SIZE), None, scales)
+    scored, distances = respond(query, known, spectrum, "relative")
+    squared = over_members(((query - known.astype(float)) ** 2).sum(axis=1), spectrum)
     assert np.allclose(scored, squared - squared.mean(), atol=1e-6)
+    assert np.array_equal(distances, respond(query, known, spectrum, "distance")[1])
     assert not np.allclose(scored, distances)
 
 
-def test_standard_responses_are_relative_ones_measured_by_what_is_usual(known: np.ndarray):
-    query = np.random.default_rng(1).random(6).astype(np.float32)
-    metric = euclid(6)
-    arguments = (sparse(query), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL)
-    relative, distances = respond_to_concepts(*arguments, ResponseParams(score="relative"))
-    standard, same = respond_to_concepts(*arguments, ResponseParams(score="standard"))
-    assert np.allclose(standard, [(relative[0] - 0.5) / 2, (relative[1] + 0.5) / 3])
-    assert np.array_equal(distances, same)
+@several_scales
+def test_the_spread_is_the_mean_squared_distance_from_a_concepts_mean(known: np.ndarray, scales: int):
+    spectrum = spectrum_at(filtration(4, SIZE), None, scales)
+    stored = known.astype(float)
+    expected = [
+        np.mean([((stored[p] - stored[spectrum.members(c)].mean(axis=0)) ** 2).sum() for p in spectrum.members(c)])
+        for c in range(len(spectrum.ids))
+    ]
+    assert np.allclose(spread_of(spectrum, stored), expected)
+    alike = np.ones((SIZE, 3))
+    assert np.allclose(spread_of(spectrum, alike), 0)
 
 
-def test_what_is_usual_is_what_the_training_objects_respond(known: np.ndarray):
-    metric = euclid(6)
-    stored = metric.embed(csr_array(known))
-    params = ResponseParams(score="relative")
-    each = [respond_to_concepts(sparse(one), CONCEPTS, metric, stored, USUAL, params)[0] for one in known]
-    usual = baseline_of(CONCEPTS, stored)
-    assert np.allclose(usual.mean, np.mean(each, axis=0), atol=1e-6)
-    assert np.allclose(usual.deviation, np.std(each, axis=0), atol=1e-6)
-    standard = ResponseParams(score="standard")
-    measured = [respond_to_concepts(sparse(one), CONCEPTS, metric, stored, usual, standard)[0] for one in known]
-    assert np.allclose(np.mean(measured, axis=0), 0, atol=1e-6)
-    assert np.allclose(np.std(measured, axis=0), 1, atol=1e-6)
+@several_scales
+def test_centred_responses_are_squared_distances_to_the_means_of_concepts_less_their_mean(
+    known: np.ndarray, query: np.ndarray, scales: int
+):
+    spectrum = spectrum_at(filtration(4, SIZE), None, scales)
+    scored, distances = respond(query, known, spectrum, "centred")
+    centres = [known[spectrum.members(c)].astype(float).mean(axis=0) for c in range(len(spectrum.ids))]
+    to_centres = np.array([((query - centre) ** 2).sum() for centre in centres])
+    assert np.allclose(scored, to_centres - to_centres.mean(), atol=1e-6)
+    assert np.array_equal(distances, respond(query, known, spectrum, "distance")[1])
 
 
-def test_objects_that_are_all_alike_have_an_answer():
-    stored = np.ones((10, 3))
-    usual = baseline_of(CONCEPTS, stored)
-    assert np.array_equal(usual.deviation, [1, 1])
-    assert np.allclose(usual.mean, 0)
-
-
-@pytest.mark.parametrize("score", ["distance", "relative", "standard"])
-def test_without_concepts_there_are_no_responses(known: np.ndarray, score: str):
-    none = Concepts(0.0, np.array([], int), np.array([], int), np.full(10, -1))
-    params = ResponseParams(score=score)
-    scored, distances = respond_to_concepts(
-        sparse(known[0]), none, euclid(6), euclid(6).embed(csr_array(known)), USUAL, params
+def test_a_wide_concept_around_an_object_comes_before_a_tight_one_beside_it_only_where_centred():
+    """Two prototypes 2 to the left and right of the object, two others 1.5 above it."""
+    places = np.array([[-2.0, 0], [2, 0], [0, 1.5], [0, 1.5]])
+    f = Filtration(
+        np.array([0.1, 0.1, 1]), np.array([0.0, 0.0, 1.0]), np.arange(3), np.array([1, 3, 2]), np.array([0, 2, 0]), 0.0
     )
+    spectrum = spectrum_at(f, None, 1)
+    assert [spectrum.members(c).tolist() for c in range(2)] == [[0, 1], [2, 3]]
+    squared, spread = (places**2).sum(axis=1), spread_of(spectrum, places)
+    first = {
+        score: int(np.argmin(respond_to_concepts(squared, spectrum, spread, ResponseParams(score=score))[0]))
+        for score in ("distance", "relative", "centred")
+    }
+    assert first == {"distance": 1, "relative": 1, "centred": 0}
+
+
+@pytest.mark.parametrize("score", ["distance", "relative", "centred"])
+def test_without_concepts_there_are_no_responses(score: str):
+    spectrum = spectrum_at(late(), 0.5, 1)
+    scored, distances = respond_to_concepts(np.ones(10), spectrum, np.zeros(0), ResponseParams(score=score))
     assert len(scored) == len(distances) == 0
 
 
-def test_stimuli_of_zeros_have_an_answer(known: np.ndarray):
-    for hellinger in (True, False):
-        metric = Metric(*vars(euclid(6)).values())
-        metric = Metric(**{**vars(metric), "hellinger": hellinger})
-        scored, distances = respond_to_concepts(
-            sparse(np.zeros(6)), CONCEPTS, metric, metric.embed(csr_array(known)), USUAL, ResponseParams()
-        )
-        assert np.isfinite(scored).all()
-        assert (distances > 0).all()
+@pytest.mark.parametrize("power", [1.0, 0.5, 0.25])
+def test_stimuli_of_zeros_have_an_answer(known: np.ndarray, power: float):
+    spectrum = spectrum_at(filtration(4, SIZE), None, 6)
+    scored, distances = respond(np.zeros(VERTICES), known, spectrum, "centred", euclid(VERTICES, power))
+    assert np.isfinite(scored).all()
+    assert (distances > 0).all()
 
 
 def test_what_lies_outside_the_subspace_counts_by_its_variance(known: np.ndarray):
     """Components of two of six dimensions; prototypes inside their span, the query anywhere."""
-    inside = known * [1, 1, 0, 0, 0, 0]
+    inside = (known * [1, 1, 0, 0, 0, 0]).astype(np.float32)
     metric = Metric(
-        np.ones(6, np.float32),
-        np.zeros(6, np.float32),
-        np.eye(2, 6, dtype=np.float32),
+        np.ones(VERTICES, np.float32),
+        np.zeros(VERTICES, np.float32),
+        np.eye(2, VERTICES, dtype=np.float32),
         np.array([4.0, 9.0]),
         0.25,
-        False,
+        1.0,
     )
-    query = np.random.default_rng(2).random(6).astype(np.float32)
-    params = ResponseParams(score="distance")
-    stored = metric.embed(csr_array(inside.astype(np.float32)))
-    _, distances = respond_to_concepts(sparse(query), CONCEPTS, metric, stored, USUAL, params)
+    query = np.random.default_rng(2).random(VERTICES).astype(np.float32)
+    spectrum = spectrum_at(filtration(4, SIZE), None, 6)
     inverse = np.array([1 / 4, 1 / 9, 4, 4, 4, 4])
     each = np.sqrt((((query - inside) ** 2) * inverse).sum(axis=1))
-    assert np.allclose(distances, [each[CONCEPTS.assignment == c].mean() for c in (0, 1)], rtol=1e-6)
+    assert np.allclose(respond(query, inside, spectrum, "distance", metric)[1], over_members(each, spectrum), rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_concepts_of_the_answers_time_rank_before_all_others_and_of_equal_ones_the_first(seed: int):
+    spectrum = spectrum_at(filtration(seed, 40), None, 10)
+    own, all_ = len(spectrum.concepts.sizes), len(spectrum.ids)
+    assert own < all_
+    responses = np.random.default_rng(seed).integers(0, 4, all_).astype(float)  # many are equal
+    expected = sorted(range(all_), key=lambda c: (c >= own, responses[c], c))
+    assert rank_concepts(responses, spectrum).tolist() == expected
+    assert sorted(expected[:own]) == list(range(own))
+    assert rank_concepts(-np.arange(all_, dtype=float), spectrum)[0] == own - 1  # though all others respond less
+
+
+def test_ranks_of_one_time_are_those_of_the_responses():
+    concepts: Concepts = concepts_at(filtration(5, 40), 0.5)
+    responses = np.random.default_rng(0).random(len(concepts.sizes))
+    ranking = rank_concepts(responses, spectrum_at(filtration(5, 40), 0.5, 10))
+    assert np.array_equal(ranking, np.argsort(responses))

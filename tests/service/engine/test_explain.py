@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from service.engine.cloud import PointCloud
 from service.engine.explain import CONCEPTS, NEAREST, VERTICES, Explanation, FiredVertex, Likeness
 from service.engine.model import Response, ShapeModel
 from service.engine.motifs import Hierarchy
+from service.engine.params import StimuliParams
+from service.engine.perception import Perception
 from tests.learnt import PRESETS, learnt, named_clouds, objects, perceived
 from tests.shapes import can, cloud_of, lid_view, see
 
@@ -123,15 +126,27 @@ def test_vertices_are_the_strongest_each_motif_prototypes_told_once(preset: str)
             first += len(hierarchy.vertices)
 
 
+@cache
+def taking_the_largest() -> ShapeModel:
+    """The default model, but that a vertex's stimulus is the largest of those of all constellations."""
+    kernel = StimuliParams(sigma=0.08, gating="kernel", pooling="max", coverage_power=2, balanced=False)
+    return replace(learnt(), params=learnt().params.model_copy(update={"stimuli": kernel}))
+
+
+def fired_by(fired: FiredVertex, seen: Perception) -> int:
+    """The constellation that is said to have fired a vertex."""
+    members = np.isin(np.arange(seen.graph.count), fired.segments)
+    (c,) = np.flatnonzero((seen.constellations.members == members).all(axis=1))
+    return int(c)
+
+
 def test_a_vertex_is_fired_by_the_constellation_that_excites_it_most():
-    """Eq. 1 for that constellation alone gives the stimulus, as stimuli are the maximum over constellations."""
-    model = learnt()
+    """Eq. 1 for that constellation alone gives the stimulus, where stimuli are the maximum over constellations."""
+    model = taking_the_largest()
     params = model.params.stimuli
     for named, seen in list(zip(named_clouds(), perceived(), strict=True))[:5]:
         for fired in explained(model, named.cloud)[1].vertices:
-            members = np.isin(np.arange(seen.graph.count), fired.segments)
-            (c,) = np.flatnonzero((seen.constellations.members == members).all(axis=1))
-            own = memories(*place_of(fired, model))
+            c, own = fired_by(fired, seen), memories(*place_of(fired, model))
             jsd = np.array([jensenshannon(seen.descriptors[c], model.ensemble.prototypes[p]) ** 2 for p in own])
             alpha = np.exp(-(jsd**2) / (2 * params.sigma**2)).mean()
             alpha *= seen.constellations.coverage[c] ** params.coverage_power
@@ -139,18 +154,27 @@ def test_a_vertex_is_fired_by_the_constellation_that_excites_it_most():
             assert fired.nearest[0].distance == pytest.approx(jsd.min(), abs=3e-6)
 
 
+@pytest.mark.parametrize("pooling", ["mean", "max", "sum"])
+def test_with_the_gate_of_levels_a_vertex_is_fired_by_a_constellation_of_its_own_level(pooling: str):
+    level = learnt().params.stimuli.model_copy(update={"gating": "level", "pooling": pooling})
+    model = replace(learnt(), params=learnt().params.model_copy(update={"stimuli": level}))
+    for named, seen in list(zip(named_clouds(), perceived(), strict=True))[:5]:
+        for fired in explained(model, named.cloud)[1].vertices:
+            assert [fired.level, fired_by(fired, seen)] in seen.constellations.levels.tolist()
+
+
 @presets
 @pytest.mark.parametrize("time", [None, 0.5, 1.0])
 def test_concepts_are_the_best_and_their_prototypes_the_nearest_of_them(preset: str, time: float | None):
     model = learnt(preset)
-    concepts = model.concepts(time)
+    spectrum = model.spectrum(time)
     for simulated in objects(4, 11):
         response, explanation = explained(model, simulated.cloud, time)
         assert [concept.id for concept in explanation.concepts] == response.concept_ids[response.ranking][
             :CONCEPTS
         ].tolist()
         for place, concept in zip(response.ranking, explanation.concepts, strict=False):
-            members = np.flatnonzero(concepts.assignment == place)
+            members = spectrum.members(place)
             assert {near.object for near in concept.nearest} <= set(members.tolist())
             assert concept.nearest[0].distance <= response.distances[place]
             if len(members) <= NEAREST:

@@ -32,7 +32,9 @@ Points = NDArray[np.float64]
 @cache
 def model() -> ShapeModel:
     """With so few training objects, so few dimensions tell something."""
-    return train(named_clouds(), ModelParams(response=ResponseParams(dimensions=6))).model
+    return train(
+        named_clouds(), ModelParams(response=ResponseParams(metric="subspace", dimensions=6, power=0.25))
+    ).model
 
 
 @cache
@@ -53,22 +55,15 @@ def answers() -> list[Response]:
 
 
 @cache
-def scored_relatively() -> ShapeModel:
-    """The default model, less the measure of what is usual."""
+def scored(score: str) -> ShapeModel:
+    """The default model, with another form of responses."""
     params = learnt().params
-    response = params.response.model_copy(update={"score": "relative"})
+    response = params.response.model_copy(update={"score": score})
     return replace(learnt(), params=params.model_copy(update={"response": response}))
 
 
-@cache
-def usual() -> tuple[Points, Points]:
-    """Mean and deviation of what the training objects themselves respond."""
-    known = [scored_relatively().respond(named.cloud).responses for named in named_clouds()]
-    return np.mean(known, axis=0), np.std(known, axis=0)
-
-
 def same_bits(a: Response, b: Response) -> bool:
-    arrays = ("responses", "distances", "concept_ids", "concept_sizes", "ranking")
+    arrays = ("responses", "distances", "concept_ids", "concept_sizes", "concept_times", "ranking")
     others = ("novelty", "time", "segments", "extent_m", "truncated", "warnings")
     return (
         all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in arrays)
@@ -133,12 +128,19 @@ def test_a_response_is_what_it_says(preset: str):
     shape_model = learnt(preset)
     for points in unknown()[:5]:
         response = answer(points, of=shape_model)
-        concepts = shape_model.concepts()
+        concepts, spectrum = shape_model.concepts(), shape_model.spectrum()
+        own = len(concepts.ids)
         assert response.responses.dtype == response.distances.dtype == np.float64
         assert response.time == shape_model.filtration.epsilon_max
-        assert np.array_equal(response.concept_ids, concepts.ids)
-        assert np.array_equal(response.concept_sizes, concepts.sizes)
-        assert np.array_equal(response.ranking, np.lexsort((np.arange(len(concepts.ids)), response.responses)))
+        assert np.array_equal(response.concept_ids, spectrum.ids)
+        assert np.array_equal(response.concept_ids[:own], concepts.ids)
+        assert np.array_equal(response.concept_sizes, spectrum.sizes)
+        assert np.array_equal(response.concept_sizes[:own], concepts.sizes)
+        assert np.array_equal(response.concept_times, spectrum.times)
+        assert (response.concept_times[:own] == response.time).all()
+        everything = range(len(response.responses))
+        best_first = sorted(everything, key=lambda c: (c >= own, response.responses[c], c))
+        assert response.ranking.tolist() == best_first
         assert (response.distances >= 0).all()
         assert response.segments >= 1
         assert response.extent_m == pytest.approx(
@@ -147,9 +149,32 @@ def test_a_response_is_what_it_says(preset: str):
         assert response.warnings == ()
         if preset == "paper":
             assert np.array_equal(response.responses, response.distances)
-        else:
-            relative, mean, deviation = answer(points, of=scored_relatively()).responses, *usual()
-            assert np.allclose(response.responses, (relative - mean) / deviation, rtol=1e-6, atol=1e-6)
+            assert len(response.responses) == own
+
+
+def test_an_answer_of_several_scales_begins_with_that_of_epsilon_max_alone():
+    """Distances and concepts are the same; the form that is scored is relative to all concepts of an answer."""
+    alone = model().params.response.model_copy(update={"scales": 1, "score": "distance"})
+    several = alone.model_copy(update={"scales": 8})
+    one, more = (replace(model(), params=model().params.model_copy(update={"response": r})) for r in (alone, several))
+    for points in unknown()[:3]:
+        short, long = answer(points, of=one), answer(points, of=more)
+        own = len(short.responses)
+        assert len(long.responses) > own
+        assert np.array_equal(long.concept_ids[:own], short.concept_ids)
+        assert np.allclose(long.responses[:own], short.responses, rtol=1e-12)
+        assert np.array_equal(long.ranking[:own], short.ranking)
+        assert not np.isin(long.concept_ids[own:], short.concept_ids).any()
+
+
+def test_centred_responses_are_relative_ones_less_each_concepts_own_spread():
+    stored, spectrum = learnt().embedded_prototypes, learnt().spectrum()
+    own = [stored[spectrum.members(c)] for c in range(len(spectrum.ids))]
+    spread = np.array([((rows - rows.mean(axis=0)) ** 2).sum(axis=1).mean() for rows in own])
+    for points in unknown()[:5]:
+        centred, relative = (answer(points, of=scored(s)).responses for s in ("centred", "relative"))
+        assert np.allclose(relative - centred, spread - spread.mean(), rtol=1e-6, atol=1e-6)
+        assert centred.mean() == pytest.approx(0, abs=1e-9 * np.abs(centred).max())
 
 
 @presets
@@ -162,26 +187,28 @@ def test_responses_follow_from_the_stored_stimuli_alone(preset: str):
         query = np.zeros((1, known.shape[1]))
         query[0, response.stimuli.indices] = response.stimuli.values
         if preset == "default":
-            a, b = (np.sqrt(v / v.sum(axis=1, keepdims=True)) for v in (query, known))
+            a, b = ((v / v.sum(axis=1, keepdims=True)) ** 0.25 for v in (query, known))
             pca = PCA(6, whiten=True, svd_solver="full").fit(b)
             squared = ((pca.transform(a) - pca.transform(b)) ** 2).sum(axis=1)
         else:
             inverse = np.linalg.inv(LedoitWolf().fit(known).covariance_)
             squared = np.einsum("ni,ij,nj->n", query - known, inverse, query - known)
-        assignment = shape_model.concepts().assignment
-        expected = [np.sqrt(squared)[assignment == c].mean() for c in range(len(response.distances))]
+        members = [shape_model.spectrum().members(c) for c in range(len(response.distances))]
+        expected = [np.sqrt(squared)[own].mean() for own in members]
         assert np.allclose(response.distances, expected, rtol=2e-3)
 
 
 @presets
 def test_the_objects_of_a_concept_are_nearer_to_it_than_all_others_are(preset: str):
     shape_model = model() if preset == "default" else learnt(preset)
-    assignment = shape_model.concepts().assignment
+    spectrum = shape_model.spectrum()
     known = [answer(named.cloud.points.astype(float), of=shape_model) for named in named_clouds()]
     for attribute in ("responses", "distances"):
         table = np.stack([getattr(response, attribute) for response in known])
         for concept in range(table.shape[1]):
-            assert table[assignment == concept, concept].mean() < table[assignment != concept, concept].mean()
+            inside = np.isin(np.arange(len(table)), spectrum.members(concept))
+            if not inside.all():
+                assert table[inside, concept].mean() < table[~inside, concept].mean()
 
 
 def test_any_time_of_the_spectrum_can_be_asked_for():
@@ -191,6 +218,7 @@ def test_any_time_of_the_spectrum_can_be_asked_for():
         response = model().respond(cloud, time=moment)
         assert response.time == moment
         assert np.array_equal(response.concept_ids, model().concepts(moment).ids)
+        assert (response.concept_times == moment).all()
         counts.append(len(response.responses))
     assert counts[-1] == 1
     with pytest.raises(InvalidParameter):
@@ -233,6 +261,7 @@ def test_facts_count_what_is_there():
     assert counts["objects"] == len(named_clouds())
     assert counts["motif_vertices"] == sum(counts["motif_vertices_of_hierarchies"]) == learnt().stimuli.shape[1]
     assert counts["concepts"] == learnt().concepts().assignment.max() + 1
+    assert counts["concepts_of_all_scales"] == len(learnt().respond(cloud_of(unknown()[0])).responses)
     assert facts["epsilon_max"] == learnt().filtration.epsilon_max
     assert facts["notes"] == list(learnt().notes)
 

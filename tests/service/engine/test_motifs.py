@@ -10,11 +10,11 @@ import pytest
 from service.engine.motifs import Constellations, propagate
 from service.engine.params import HierarchyParams
 from service.engine.segments import SegmentGraph
-from tests.learnt import learnt, perceived
+from tests.learnt import PRESETS, learnt, perceived
 from tests.service.engine.seen import seen
 from tests.shapes import corner_view, cube
 
-WIDE = HierarchyParams(max_constellations=4096)
+wholes = pytest.mark.parametrize("apart", [False, True], ids=["the whole last", "the whole apart"])
 Set = frozenset[int]
 Edges = list[tuple[int, int]]
 
@@ -51,12 +51,24 @@ def as_sets(found: Constellations) -> list[Set]:
     return [frozenset(np.flatnonzero(found.members[c]).tolist()) for _, c in found.levels]
 
 
-def levels_of(found: Constellations) -> list[set[Set]]:
+def levels_of(found: Constellations) -> dict[int, set[Set]]:
     sets = as_sets(found)
-    return [
-        {s for s, (n, _) in zip(sets, found.levels, strict=True) if n == level}
-        for level in range(1, 1 + found.levels[:, 0].max())
-    ]
+    return {
+        level: {s for s, (n, _) in zip(sets, found.levels, strict=True) if n == level}
+        for level in np.unique(found.levels[:, 0]).tolist()
+    }
+
+
+def wide(apart: bool) -> HierarchyParams:
+    return HierarchyParams(max_constellations=4096, max_levels=12, whole_apart=apart)
+
+
+def expected_levels(count: int, edges: Edges, apart: bool) -> dict[int, set[Set]]:
+    """Those of the paper, and the whole: once more above all others, or where the paper's end without it."""
+    levels, whole = plain(count, edges)[0], {frozenset(range(count))}
+    if apart:
+        return {**dict(enumerate(levels, start=1)), 13: whole}
+    return dict(enumerate(levels if levels[-1] == whole else [*levels, whole], start=1))
 
 
 def chain(n: int) -> Edges:
@@ -83,27 +95,28 @@ DISCONNECTED = {
 }
 
 
+@wholes
 @pytest.mark.parametrize("name", CONNECTED)
-def test_constellations_propagate_as_the_paper_says(graph_of, name: str):
-    found = propagate(graph_of(*CONNECTED[name]), WIDE)
-    levels, _ = plain(*CONNECTED[name])
-    assert levels_of(found) == levels
-    assert levels[-1] == {frozenset(range(CONNECTED[name][0]))}
+def test_constellations_propagate_as_the_paper_says(graph_of, name: str, apart: bool):
+    found = propagate(graph_of(*CONNECTED[name]), wide(apart))
+    assert levels_of(found) == expected_levels(*CONNECTED[name], apart)
+    assert plain(*CONNECTED[name])[0][-1] == {frozenset(range(CONNECTED[name][0]))}
     assert not found.truncated
 
 
+@wholes
 @pytest.mark.parametrize("name", DISCONNECTED)
-def test_the_whole_object_is_added_where_nothing_joins_its_parts(graph_of, name: str):
-    found = propagate(graph_of(*DISCONNECTED[name]), WIDE)
-    levels, _ = plain(*DISCONNECTED[name])
-    assert levels_of(found) == [*levels, {frozenset(range(DISCONNECTED[name][0]))}]
+def test_the_whole_object_is_added_where_nothing_joins_its_parts(graph_of, name: str, apart: bool):
+    found = propagate(graph_of(*DISCONNECTED[name]), wide(apart))
+    assert levels_of(found) == expected_levels(*DISCONNECTED[name], apart)
     assert not found.truncated
 
 
+@wholes
 @pytest.mark.parametrize("name", {**CONNECTED, **DISCONNECTED})
-def test_edges_join_what_is_adjacent_or_shares_a_segment(graph_of, name: str):
+def test_edges_join_what_is_adjacent_or_shares_a_segment(graph_of, name: str, apart: bool):
     count, edges = {**CONNECTED, **DISCONNECTED}[name]
-    found = propagate(graph_of(count, edges), WIDE)
+    found = propagate(graph_of(count, edges), wide(apart))
     sets = as_sets(found)
     joined = {(int(found.levels[a, 0]), frozenset([sets[a], sets[b]])) for a, b in found.edges}
     expected = {(level, e) for level, on_level in enumerate(plain(count, edges)[1], start=1) for e in on_level}
@@ -111,10 +124,11 @@ def test_edges_join_what_is_adjacent_or_shares_a_segment(graph_of, name: str):
     assert (found.levels[found.edges[:, 0], 0] == found.levels[found.edges[:, 1], 0]).all()
 
 
+@wholes
 @pytest.mark.parametrize("name", {**CONNECTED, **DISCONNECTED})
-def test_propagations_lead_from_each_end_of_an_edge_to_its_union(graph_of, name: str):
+def test_propagations_lead_from_each_end_of_an_edge_to_its_union(graph_of, name: str, apart: bool):
     count, edges = {**CONNECTED, **DISCONNECTED}[name]
-    found = propagate(graph_of(count, edges), WIDE)
+    found = propagate(graph_of(count, edges), wide(apart))
     sets = as_sets(found)
     rows = {(int(level), sets[row]): row for row, (level, _) in enumerate(found.levels)}
     expected = set()
@@ -125,22 +139,27 @@ def test_propagations_lead_from_each_end_of_an_edge_to_its_union(graph_of, name:
     assert len(found.propagations) == len(expected)
 
 
+@wholes
 @pytest.mark.parametrize("name", {**CONNECTED, **DISCONNECTED})
-def test_segments_come_first_and_no_set_stands_twice(graph_of, name: str):
+def test_segments_come_first_and_no_set_stands_twice(graph_of, name: str, apart: bool):
     count, edges = {**CONNECTED, **DISCONNECTED}[name]
-    found = propagate(graph_of(count, edges), WIDE)
+    found = propagate(graph_of(count, edges), wide(apart))
     assert np.array_equal(found.members[:count], np.eye(count, dtype=bool))
     assert len(np.unique(found.members, axis=0)) == len(found.members)
     assert len(np.unique(found.levels, axis=0)) == len(found.levels)
     assert np.allclose(found.coverage, found.members @ graph_of(count, edges).share)
 
 
+@wholes
 @pytest.mark.parametrize("most", [1, 2, 5, 24])
 @pytest.mark.parametrize("count", [8, 16, 24])
-def test_however_many_constellations_the_largest_stay_and_the_whole_is_there(graph_of, count: int, most: int):
+def test_however_many_constellations_the_largest_stay_and_the_whole_is_there(
+    graph_of, count: int, most: int, apart: bool
+):
     edges = [(a, b) for b in range(count) for a in range(b)]
     graph = graph_of(count, edges)
-    found = propagate(graph, HierarchyParams(max_constellations=most))
+    params = HierarchyParams(max_constellations=most, max_levels=12, whole_apart=apart)
+    found = propagate(graph, params)
     sets = as_sets(found)
     assert found.truncated
     assert frozenset(range(count)) in sets
@@ -148,26 +167,68 @@ def test_however_many_constellations_the_largest_stay_and_the_whole_is_there(gra
     every = sorted((graph.share[a] + graph.share[b] for a, b in edges), reverse=True)
     assert np.allclose(sorted(second, reverse=True), every[:most])
     assert len(found.levels) <= count + 12 * most + 1
-    again = propagate(graph, HierarchyParams(max_constellations=most))
+    again = propagate(graph, params)
     assert np.array_equal(found.members, again.members)
     assert np.array_equal(found.levels, again.levels)
 
 
 def test_of_equally_large_constellations_those_of_the_larger_segments_stay(graph_of):
     found = propagate(graph_of(6, chain(6), [1.0] * 6), HierarchyParams(max_constellations=2))
-    assert levels_of(found)[1] == {frozenset([0, 1]), frozenset([1, 2])}
+    assert levels_of(found)[2] == {frozenset([0, 1]), frozenset([1, 2])}
 
 
-def test_too_many_levels_are_reported_and_the_whole_is_there(graph_of):
-    found = propagate(graph_of(9, chain(9)), HierarchyParams(max_constellations=4096, max_levels=3))
+@wholes
+def test_too_many_levels_are_reported_and_the_whole_is_there(graph_of, apart: bool):
+    params = HierarchyParams(max_constellations=4096, max_levels=3, whole_apart=apart)
+    found = propagate(graph_of(9, chain(9)), params)
     assert found.truncated
-    assert levels_of(found)[-1] == {frozenset(range(9))}
-    assert found.levels[:, 0].max() == 4
-    assert not propagate(graph_of(3, chain(3)), HierarchyParams(max_levels=3)).truncated
+    assert sorted(levels_of(found)) == [1, 2, 3, 4]
+    assert levels_of(found)[4] == {frozenset(range(9))}
+    assert not propagate(graph_of(3, chain(3)), params).truncated
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 12])
+@pytest.mark.parametrize("name", {**CONNECTED, **DISCONNECTED})
+def test_apart_the_whole_is_the_one_row_of_the_top_level_and_alters_no_other(graph_of, name: str, most: int):
+    graph = graph_of(*{**CONNECTED, **DISCONNECTED}[name])
+    apart, last = (
+        propagate(graph, HierarchyParams(max_constellations=4096, max_levels=most, whole_apart=a))
+        for a in (True, False)
+    )
+    top = apart.levels[apart.levels[:, 0] == most + 1]
+    assert len(top) == 1
+    assert apart.members[top[0, 1]].all()
+    assert apart.levels[:, 0].max() == most + 1
+    assert apart.truncated == last.truncated
+    whole = frozenset(range(graph.count))
+    below, paper = ({n: s - {whole} for n, s in levels_of(f).items() if s != {whole}} for f in (apart, last))
+    assert below == paper
+
+
+def test_apart_the_vertices_of_the_top_level_memorise_the_wholes_and_nothing_else():
+    model = learnt()
+    assert model.params.hierarchy.whole_apart
+    top = model.params.hierarchy.max_levels + 1
+    assert model.ensemble.vertex_levels.max() == top
+    for hierarchy in model.ensemble.hierarchies:
+        above = np.array([level == top for level, _ in hierarchy.vertices])
+        memories = hierarchy.prototypes.toarray()[above].any(axis=0)
+        assert np.flatnonzero(memories).tolist() == sorted(model.novelty_scale.wholes.tolist())
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_levels_of_the_vertices_are_those_of_their_motifs(preset: str):
+    ensemble = learnt(preset).ensemble
+    first = 0
+    for hierarchy in ensemble.hierarchies:
+        for v, (level, _) in enumerate(hierarchy.vertices):
+            assert ensemble.vertex_levels[first + v] == level
+        first += len(hierarchy.vertices)
+    assert first == len(ensemble.vertex_levels)
 
 
 def test_a_motif_is_its_level_and_the_multiset_of_its_words(graph_of):
-    found = propagate(graph_of(3, [(0, 1), (0, 2), (1, 2)]), WIDE)
+    found = propagate(graph_of(3, [(0, 1), (0, 2), (1, 2)]), wide(False))
     motifs = found.motifs(np.array([7, 2, 7]))
     assert motifs[:3] == [(1, (7,)), (1, (2,)), (1, (7,))]
     assert sorted(m for m in motifs if m[0] == 2) == [(2, (2, 7)), (2, (2, 7)), (2, (7, 7))]
@@ -181,7 +242,7 @@ def test_perception_describes_single_segments_first():
         assert seen_object.segment_descriptors.shape[0] == count
 
 
-@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("preset", PRESETS)
 def test_the_mean_over_a_vertex_is_that_over_its_prototypes(preset: str):
     ensemble = learnt(preset).ensemble
     kernel = np.random.default_rng(0).random(len(ensemble.prototypes))

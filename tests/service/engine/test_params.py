@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from service.engine.errors import InvalidParameter
-from service.engine.params import ModelParams
+from service.engine.params import ModelParams, StimuliParams
 
 STAGES = {name: field.annotation for name, field in ModelParams.model_fields.items()}
 FIELDS = [(s, n, f) for s, stage in STAGES.items() for n, f in stage.model_fields.items()]
@@ -18,7 +18,11 @@ def test_the_paper_is_a_preset_with_its_own_numbers():
     assert (paper.stimuli.gating, paper.stimuli.pooling, paper.stimuli.coverage_power) == ("words", "sum", 0)
     assert paper.descriptor.shape_weight == 0
     assert paper.dictionary.levels == 4
-    assert paper.response.score == "distance"
+    assert not paper.hierarchy.whole_apart
+    assert not paper.stimuli.balanced
+    assert paper.stimuli.cutoff == 0
+    assert paper.filtration.window == 0
+    assert (paper.response.score, paper.response.scales, paper.response.power) == ("distance", 1, 1)
     assert paper.patches.normal_weight == 1
     assert paper.patches.spatial_weight == 0.4
 
@@ -50,6 +54,15 @@ def test_misspelt_and_changed_parameters_are_refused(stage: str):
     name = next(iter(STAGES[stage].model_fields))
     with pytest.raises(ValidationError, match="frozen"):
         setattr(params, name, getattr(params, name))
+
+
+def test_motif_levels_that_are_balanced_by_no_weight_at_all_are_refused():
+    none = {"segment_weight": 0, "union_weight": 0, "whole_weight": 0}
+    with pytest.raises(ValidationError, match="whole_weight"):
+        StimuliParams(balanced=True, **none)
+    assert not StimuliParams(balanced=False, **none).balanced
+    for name in none:
+        assert StimuliParams(balanced=True, **{**none, name: 0.5}).balanced
 
 
 @pytest.mark.parametrize(("stage", "name"), [(s, n) for s, n, f in FIELDS if f.annotation in (int, float)])

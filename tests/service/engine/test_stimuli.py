@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -10,12 +12,13 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import jensenshannon
 
 from service.engine.motifs import Ensemble
-from service.engine.params import StimuliParams
-from service.engine.perception import Perception
-from service.engine.stimuli import Stimuli, gaussian_of_jsd, jsd_matrix, stimulate
-from tests.learnt import learnt, named_clouds, perceived
+from service.engine.params import ModelParams, StimuliParams
+from service.engine.perception import Perception, perceive
+from service.engine.stimuli import Stimuli, excite, gaussian_of_jsd, jsd_matrix, stimulate
+from tests.learnt import PRESETS, learnt, named_clouds, perceived
+from tests.shapes import ball, look, see
 
-GATINGS, POOLINGS = ("words", "kernel"), ("sum", "mean", "max")
+GATINGS, POOLINGS = ("words", "level", "kernel"), ("sum", "mean", "max")
 
 
 def jsd(p: NDArray[np.float32], q: NDArray[np.float32]) -> float:
@@ -66,43 +69,143 @@ def test_the_kernel_squares_the_divergence(sigma: float):
     assert np.allclose(gaussian_of_jsd(p, q, sigma), expected, rtol=1e-3, atol=1e-5)
 
 
-def plain_stimuli(seen: Perception, words: NDArray[np.int64], ensemble: Ensemble, params: StimuliParams) -> list[float]:
+@cache
+def single() -> Perception:
+    """An object of one segment: it has no union of segments."""
+    seen = perceive(see(ball(0.1), look(20, 35, 0.9)).cloud, ModelParams())
+    assert seen.graph.count == 1
+    return seen
+
+
+@cache
+def seen_objects() -> tuple[Perception, ...]:
+    """Of one, two and three segments."""
+    return (single(), *(next(p for p in perceived() if p.graph.count == count) for count in (2, 3)))
+
+
+@cache
+def plain_divergences(which: int) -> NDArray[np.float64]:
+    """Of the constellations of one of those objects from all motif prototypes (C, P), by scipy."""
+    return np.array([[jsd(a, b) for b in learnt().ensemble.prototypes] for a in seen_objects()[which].descriptors])
+
+
+def plain_stimuli(which: int, words: NDArray[np.int64], ensemble: Ensemble, params: StimuliParams) -> list[float]:
     """Eq. 1 for each vertex of each hierarchy, and the pooling of what several constellations excite."""
-    constellations, gamma = seen.constellations, []
+    constellations, gamma, rank = seen_objects()[which].constellations, [], []
+    kernel = np.exp(-(plain_divergences(which) ** 2) / (2 * params.sigma**2))
+    weight = [covered**params.coverage_power for covered in constellations.coverage.tolist()]
+    top = max(level for h in ensemble.hierarchies for level, _ in h.vertices)
     for f, hierarchy in enumerate(ensemble.hierarchies):
         occurs: dict[tuple[int, tuple[int, ...]], set[int]] = {}
+        on_level: dict[int, set[int]] = {}
         for level, c in constellations.levels.tolist():
             members = np.flatnonzero(constellations.members[c])
             occurs.setdefault((level, tuple(sorted(words[members, f].tolist()))), set()).add(c)
+            on_level.setdefault(level, set()).add(c)
         memory = hierarchy.prototypes.toarray()
         for v, motif in enumerate(hierarchy.vertices):
-            exciting = occurs.get(motif, set()) if params.gating == "words" else range(len(seen.descriptors))
-            alphas = [
-                constellations.coverage[c] ** params.coverage_power
-                * np.mean([
-                    np.exp(-(jsd(seen.descriptors[c], ensemble.prototypes[t]) ** 2) / (2 * params.sigma**2))
-                    for t in np.flatnonzero(memory[v])
-                ])
-                for c in exciting
-            ]  # fmt: skip
-            pool = {"sum": sum, "mean": np.mean, "max": max}[params.pooling]
-            gamma.append(float(pool(alphas)) if alphas else 0.0)
+            exciting = {
+                "words": occurs.get(motif, set()),
+                "level": on_level.get(motif[0], set()),
+                "kernel": set(range(len(weight))),
+            }[params.gating]
+            alphas = [weight[c] * np.mean([kernel[c, t] for t in np.flatnonzero(memory[v])]) for c in exciting]
+            total = {"sum": sum, "mean": sum, "max": max}[params.pooling](alphas or [0.0])
+            if params.pooling == "mean" and exciting:
+                total /= sum(weight[c] for c in exciting)
+            gamma.append(float(total))
+            rank.append("segment" if motif[0] == 1 else "whole" if motif[0] == top else "union")
+    if params.balanced:
+        for name in ("segment", "union", "whole"):
+            total = sum(g for g, r in zip(gamma, rank, strict=True) if r == name)
+            share = getattr(params, f"{name}_weight") * len(gamma)
+            gamma = [g * share / total if r == name and total else g for g, r in zip(gamma, rank, strict=True)]
     return gamma
 
 
-@pytest.mark.parametrize(("gating", "pooling"), list(product(GATINGS, POOLINGS)))
-def test_stimuli_are_those_of_eq_1(gating: str, pooling: str):
-    model = learnt()
-    for seen, power in zip([p for p in perceived() if p.graph.count <= 3][:2], (0.0, 2.0), strict=True):
-        params = StimuliParams(gating=gating, pooling=pooling, cutoff=0, coverage_power=power)
-        words = model.dictionary.words(seen.segment_descriptors)
-        ours = stimulate(model.ensemble, seen.constellations, seen.descriptors, words, params)
-        expected = plain_stimuli(seen, words, model.ensemble, params)
-        assert max(expected) > 0
-        assert np.allclose(dense(ours, len(expected)), expected, rtol=2e-4, atol=1e-6)
+def stimulated(seen: Perception, params: StimuliParams) -> NDArray[np.float64]:
+    ensemble, words = learnt().ensemble, learnt().dictionary.words(seen.segment_descriptors)
+    return dense(
+        stimulate(ensemble, seen.constellations, seen.descriptors, words, params), learnt().ensemble.vertex_count
+    )
 
 
-@pytest.mark.parametrize("preset", ["default", "paper"])
+WEIGHTS = {"segment_weight": 1.0, "union_weight": 0.5, "whole_weight": 2.0}
+
+
+@pytest.mark.parametrize(("gating", "pooling", "balanced"), list(product(GATINGS, POOLINGS, (False, True))))
+def test_stimuli_are_those_of_eq_1(gating: str, pooling: str, balanced: bool):
+    model, answered = learnt(), 0
+    for which, power in enumerate((2.0, 0.0, 2.0)):
+        params = StimuliParams(
+            sigma=0.08, gating=gating, pooling=pooling, cutoff=0, coverage_power=power, balanced=balanced, **WEIGHTS
+        )
+        words = model.dictionary.words(seen_objects()[which].segment_descriptors)
+        expected = plain_stimuli(which, words, model.ensemble, params)
+        assert np.allclose(stimulated(seen_objects()[which], params), expected, rtol=2e-4, atol=1e-6)
+        answered += max(expected) > 0
+    assert answered >= 2
+
+
+@pytest.mark.parametrize("power", [0.0, 2.0])
+def test_with_the_gate_of_levels_a_constellation_excites_no_vertex_of_another_level(power: float):
+    ensemble, refused = learnt().ensemble, 0
+    for seen in seen_objects():
+        words = learnt().dictionary.words(seen.segment_descriptors)
+        gated, free = (
+            excite(
+                ensemble,
+                seen.constellations,
+                seen.descriptors,
+                words,
+                StimuliParams(sigma=0.08, gating=g, coverage_power=power),
+            )
+            for g in ("level", "kernel")
+        )
+        occurs = {(level, c) for level, c in seen.constellations.levels.tolist()}
+        for c, row in enumerate(gated.alpha):
+            allowed = np.array([(level, c) in occurs for level in ensemble.vertex_levels.tolist()])
+            assert not row[~allowed].any()
+            assert np.array_equal(row[allowed], free.alpha[c][allowed])
+            refused += int((free.alpha[c][~allowed] > 0).sum())
+    assert refused > 0
+
+
+def test_a_level_that_no_training_object_has_excites_nothing():
+    seen, params = seen_objects()[2], StimuliParams(gating="level", balanced=True, cutoff=0)
+    beyond = np.add(seen.constellations.levels, [100, 0])
+    alien = replace(seen, constellations=replace(seen.constellations, levels=beyond))
+    assert not stimulated(alien, params).any()
+    assert stimulated(seen, params).any()
+
+
+def test_each_rank_is_balanced_to_its_weight_and_one_without_a_constellation_stays_silent():
+    level = learnt().ensemble.vertex_levels
+    ranks = {"segment_weight": level == 1, "union_weight": (level > 1) & (level < level.max())}
+    ranks["whole_weight"] = level == level.max()
+    assert all(rank.any() for rank in ranks.values())
+    for weights in (WEIGHTS, {"segment_weight": 3.0, "union_weight": 0.0, "whole_weight": 0.25}):
+        params = StimuliParams(sigma=0.08, gating="level", pooling="mean", balanced=True, cutoff=0, **weights)
+        for seen in seen_objects():
+            vector = stimulated(seen, params)
+            own = set(seen.constellations.levels[:, 0].tolist())
+            for name, rank in ranks.items():
+                expected = weights[name] * len(level) if own & set(level[rank].tolist()) else 0
+                assert vector[rank].sum() == pytest.approx(expected, rel=1e-5)
+        assert not stimulated(single(), params)[ranks["union_weight"]].any()
+
+
+def test_balance_changes_no_proportion_within_a_rank():
+    level = learnt().ensemble.vertex_levels
+    loud, plain = (
+        stimulated(seen_objects()[2], StimuliParams(gating="level", pooling="max", cutoff=0, balanced=b, **WEIGHTS))
+        for b in (True, False)
+    )
+    for rank in (level == 1, (level > 1) & (level < level.max()), level == level.max()):
+        assert np.allclose(loud[rank] * plain[rank].sum(), plain[rank] * loud[rank].sum(), rtol=1e-5)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
 def test_a_training_object_finds_its_own_stimuli_again(preset: str):
     model = learnt(preset)
     for row, named in enumerate(named_clouds()):
@@ -125,34 +228,31 @@ def test_a_training_object_excites_its_own_vertices_most_of_all():
     assert checked > 5
 
 
-def test_with_the_gate_only_known_motifs_fire():
+@pytest.mark.parametrize("pooling", ["sum", "max"])
+def test_a_narrower_gate_takes_stimuli_away_and_with_that_of_words_only_known_motifs_fire(pooling: str):
     model = learnt()
     for seen in perceived()[:5]:
         words = model.dictionary.words(seen.segment_descriptors)
-        stimuli = [
-            stimulate(model.ensemble, seen.constellations, seen.descriptors, words, StimuliParams(gating=g, cutoff=0))
-            for g in GATINGS
-        ]
+        by_words, by_level, by_kernel = (
+            stimulated(seen, StimuliParams(gating=g, pooling=pooling, balanced=False, cutoff=0)) for g in GATINGS
+        )
         known, first = set(), 0
         for f, hierarchy in enumerate(model.ensemble.hierarchies):
             known |= {
                 first + hierarchy.index[m] for m in seen.constellations.motifs(words[:, f]) if m in hierarchy.index
             }
             first += len(hierarchy.vertices)
-        assert set(stimuli[0].indices.tolist()) <= known
-        assert set(stimuli[0].indices.tolist()) <= set(stimuli[1].indices.tolist())
+        assert set(np.flatnonzero(by_words).tolist()) <= known
+        assert (by_words <= by_level).all()
+        assert (by_level <= by_kernel).all()
 
 
 @pytest.mark.parametrize("cutoff", [0.01, 0.05, 0.09])
 def test_what_is_at_most_the_cutoff_is_no_stimulus(cutoff: float):
-    model, seen = learnt(), perceived()[0]
-    words = model.dictionary.words(seen.segment_descriptors)
     everything, kept = (
-        dense(
-            stimulate(
-                model.ensemble, seen.constellations, seen.descriptors, words, StimuliParams(sigma=0.02, cutoff=c)
-            ),
-            model.ensemble.vertex_count,
+        stimulated(
+            perceived()[0],
+            StimuliParams(sigma=0.02, gating="kernel", pooling="max", coverage_power=2, balanced=False, cutoff=c),
         )
         for c in (0, cutoff)
     )

@@ -103,5 +103,6 @@ def test_the_order_of_the_segments_moves_words_by_rounding_alone():
 def test_a_models_words_are_those_of_its_segments(preset: str):
     model = learnt(preset)
     segments = np.concatenate([p.segment_descriptors for p in perceived(preset)])
-    for ours, again in zip(model.dictionary.levels, learn(segments).levels, strict=True):
-        assert np.array_equal(ours, again)
+    again = learn(segments, model.params.dictionary.levels)
+    for ours, theirs in zip(model.dictionary.levels, again.levels, strict=True):
+        assert np.array_equal(ours, theirs)

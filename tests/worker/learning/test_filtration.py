@@ -17,7 +17,8 @@ from tests.learnt import learnt
 from worker.learning.concepts import Extraction, extract_concepts
 from worker.learning.filtration import filtrate
 
-PARAMS = FiltrationParams()
+PARAMS = FiltrationParams(max_steps=100, window=0)  # the paper's epsilon_max
+WINDOWS = [0.01, 0.1, 0.25, 0.5]
 
 
 def filtrated(space: TopologicalSpace, params: FiltrationParams) -> Extraction:
@@ -181,11 +182,51 @@ def test_epsilon_max_is_the_earliest_time_of_most_annexations(tree: str):
 
 
 def test_of_equally_many_annexations_the_earliest_time_is_taken():
-    filtration, notes = filtrated(path(9), FiltrationParams(max_steps=10_000))
+    filtration, notes = filtrated(path(9), FiltrationParams(max_steps=10_000, window=0))
     times, counts = annexations_over_time(filtration)
     assert (counts == counts[0]).sum() > 1
     assert filtration.epsilon_max == times[0]
     assert notes == ()
+
+
+def in_stretch(filtration: Filtration, middle: float, window: float) -> int:
+    """Annexations at most half a window before or after a time; those on an end of the stretch count."""
+    return sum(abs(time - middle) <= window / 2 + 1e-9 for time in filtration.time.tolist())
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@trees
+def test_epsilon_max_is_the_middle_of_the_stretch_of_most_annexations(tree: str, window: float):
+    filtration = filtrate(TREES[tree], FiltrationParams(window=window))
+    if np.ptp(filtration.distance) == 0:
+        assert filtration.epsilon_max == filtration.time[0] == 0
+        return
+    # Of a hundred and one stretches, from that at the very beginning to that at the very end of time.
+    middles = [window / 2 + step * (1 - window) / 100 for step in range(101)]
+    counts = [in_stretch(filtration, middle, window) for middle in middles]
+    assert filtration.epsilon_max == pytest.approx(middles[counts.index(max(counts))], abs=1e-12)
+    assert window / 2 <= filtration.epsilon_max <= 1 - window / 2
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_the_stretch_of_most_annexations_sees_no_fewer_than_the_busiest_moment(window: float):
+    """Wherever the moments of annexations are, a stretch can be laid over them."""
+    for tree in ("a bush", "a long tree", "a longer tree"):
+        paper = filtrate(TREES[tree], FiltrationParams(window=0))
+        stretched = filtrate(TREES[tree], FiltrationParams(window=window))
+        assert np.array_equal(paper.time, stretched.time)
+        most = (paper.time == paper.epsilon_max).sum()
+        assert in_stretch(stretched, stretched.epsilon_max, window) >= most
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@trees
+def test_there_are_concepts_at_epsilon_max_and_not_one_of_all_if_it_can_be_helped(tree: str, window: float):
+    space = TREES[tree]
+    filtration, notes = filtrated(space, FiltrationParams(window=window))
+    sizes = concepts_at(filtration).sizes
+    assert len(sizes) >= 1
+    assert len(sizes) >= 2 or int(sizes[0]) < len(space.geodesic_sum) or bool(notes) or not filtration.time.any()
 
 
 @trees
@@ -197,11 +238,12 @@ def test_annexations_over_time_count_every_edge_once(tree: str):
     assert [int((filtration.time == t).sum()) for t in times] == counts.tolist()
 
 
+@pytest.mark.parametrize("window", [0, *WINDOWS])
 @pytest.mark.parametrize(
     "space", [path(2), space_of([(0, i) for i in range(1, 9)]), space_of([(i, 4) for i in range(4)])]
 )
-def test_where_all_distances_are_equal_there_is_one_time_and_one_concept(space: TopologicalSpace):
-    filtration, notes = filtrated(space, PARAMS)
+def test_where_all_distances_are_equal_there_is_one_time_and_one_concept(space: TopologicalSpace, window: float):
+    filtration, notes = filtrated(space, FiltrationParams(window=window))
     assert not filtration.time.any()
     assert filtration.epsilon_max == 0
     concepts = concepts_at(filtration)
@@ -226,11 +268,12 @@ def test_an_end_of_the_spectrum_with_one_concept_is_left_for_two_and_said_aloud(
     assert moved > 0
 
 
-def test_the_names_of_the_vertices_do_not_decide_the_times():
+@pytest.mark.parametrize("window", [0, *WINDOWS])
+def test_the_names_of_the_vertices_do_not_decide_the_times(window: float):
     space = TREES["a long tree"]
     renamed = np.random.default_rng(0).permutation(len(space.geodesic_sum))
     other = space_of([tuple(renamed[e].tolist()) for e in space.edges])
-    a, b = (filtrated(s, PARAMS).filtration for s in (space, other))
+    a, b = (filtrated(s, FiltrationParams(window=window)).filtration for s in (space, other))
     assert np.array_equal(np.sort(a.time), np.sort(b.time))
     assert a.epsilon_max == b.epsilon_max
 
@@ -241,4 +284,5 @@ def test_a_models_filtration_follows_from_its_space(preset: str):
     filtration, notes = filtrated(model.space, model.params.filtration)
     assert notes == model.notes
     assert np.array_equal(filtration.time, model.filtration.time)
+    assert filtration.epsilon_max == model.filtration.epsilon_max
     assert np.allclose(filtration.distance, edge_distances(model.space), atol=1e-12)

@@ -75,7 +75,7 @@ def test_presets_learn_what_they_say(preset: str):
     model, params = learnt(preset), ModelParams.preset(preset)
     assert model.params == params
     assert model.ensemble.prototypes.shape[1] == (33 if preset == "paper" else 153)
-    assert len(model.dictionary.levels) == len(model.ensemble.hierarchies) == params.dictionary.levels == 4
+    assert len(model.dictionary.levels) == len(model.ensemble.hierarchies) == params.dictionary.levels
     assert len(model.concepts().sizes) >= 1
 
 

@@ -18,6 +18,18 @@ def test_the_defaults_are_the_papers_orders_and_a_kinect() -> None:
     assert params.sensor.disparity_steps == 8
 
 
+def test_the_paper_draws_what_alg_1_says_and_no_more() -> None:
+    paper = SimulationParams.preset("paper")
+    assert paper.prototypes.exposed == 0
+    assert paper.orders == (1, 2, 3, 4, 5)
+
+
+def test_a_preset_that_does_not_exist_is_refused_with_those_that_do() -> None:
+    assert SimulationParams.preset("default") == SimulationParams()
+    with pytest.raises(InvalidParameter, match="'default' and 'paper'"):
+        SimulationParams.preset("papre")
+
+
 @pytest.mark.parametrize(
     ("choices", "named"),
     [

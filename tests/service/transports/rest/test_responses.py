@@ -14,6 +14,7 @@ from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError
+from service.engine.model import ShapeModel
 from service.transports.rest import examples
 
 
@@ -59,6 +60,28 @@ def test_parameters_choose_model_time_and_length(client: httpx.Client, clouds: l
     assert answer["time"] == 1
     assert len(answer["concepts"]) == 1
     assert "stimuli" not in answer
+
+
+def test_concepts_of_the_answers_time_come_first_and_those_of_other_times_follow(
+    client: httpx.Client, model: ShapeModel, clouds: list[PointCloud]
+) -> None:
+    for cloud in clouds:
+        answer = answer_of(client.post("/v1/responses", content=write_ply(cloud)))
+        own, concepts = model.concepts(), answer["concepts"]
+        assert answer["time"] == own.time
+        assert len(concepts) == len(answer["responses"]) == len(answer["distances"])
+        first, others = concepts[: len(own.ids)], concepts[len(own.ids) :]
+        assert {concept["id"] for concept in first} == set(own.ids.tolist())
+        assert all(concept["time"] == own.time for concept in first)
+        assert all(concept["time"] != own.time for concept in others)
+        for listed in (first, others):
+            assert [concept["response"] for concept in listed] == sorted(concept["response"] for concept in listed)
+        assert [concept["rank"] for concept in concepts] == list(range(1, len(concepts) + 1))
+
+
+def test_a_time_that_is_asked_for_is_the_time_of_all_concepts(client: httpx.Client, clouds: list[PointCloud]) -> None:
+    answer = answer_of(client.post("/v1/responses", params={"time": 0.8}, content=write_ply(clouds[0])))
+    assert {concept["time"] for concept in answer["concepts"]} == {answer["time"]} == {0.8}
 
 
 def test_an_answer_explains_itself_and_segments_every_point_when_it_is_asked_to(
