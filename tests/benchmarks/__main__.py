@@ -1,7 +1,12 @@
-"""Runs all benchmarks, one after the other."""
+"""Runs the benchmarks: `./run bench` the speeds, `./run bench quality` what each choice does to the quality."""
 
 from __future__ import annotations
 
-from tests.benchmarks import answer
+import sys
 
-answer.main()
+from tests.benchmarks import answer, quality
+
+if sys.argv[1:2] == ["quality"]:
+    quality.main(sys.argv[2:])
+else:
+    answer.main()
