@@ -20,6 +20,7 @@ from service.commands.reporting import ReportingGroup, examples
 
 if TYPE_CHECKING:
     from worker.config import TrainingConfig
+    from worker.evaluation.vector_files import VectorFile
     from worker.sources import Source
 
 workers_option = click.option(
@@ -151,7 +152,9 @@ def train(
 @main.command(
     epilog=examples(
         "shape-concepts-worker evaluate --model default --labels scans/labels.csv --report report",
-        "shape-concepts-worker evaluate --model default:3 --labels scans/labels.csv --report report --json",
+        "shape-concepts-worker evaluate --model default:3 --labels scans/labels.csv --report report --robustness",
+        "shape-concepts-worker evaluate --model default --labels scans/labels.csv --other occluded/labels.csv "
+        "--baseline VFH=vfh.csv --report report",
     )
 )
 @click.option("--model", required=True, metavar="NAME", help="NAME, NAME@ALIAS or NAME:VERSION.")
@@ -165,37 +168,79 @@ def train(
 @click.option(
     "--report", required=True, metavar="DIR", type=click.Path(path_type=Path, file_okay=False), help="Folder."
 )
+@click.option(
+    "--other",
+    "others",
+    multiple=True,
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Labels of another set, whose clouds are judged by those of the first; may be repeated.",
+)
+@click.option(
+    "--baseline",
+    "baselines",
+    multiple=True,
+    metavar="NAME=FILE",
+    help="CSV of another program's vectors, path,v1,v2,..., to be judged beside the model; may be repeated.",
+)
+@click.option(
+    "--robustness/--no-robustness",
+    default=False,
+    show_default=True,
+    help="Answer each cloud rescaled, thinned, with noise, and partly hidden as well: 18 answers instead of one.",
+)
 @workers_option
 @json_option
 @store_option
-def evaluate(model: str, labels: Path, report: Path, workers: int, as_json: bool, store: str | None) -> None:
-    """Judges a model by labelled clouds, and writes report.json.
+def evaluate(
+    model: str,
+    labels: Path,
+    report: Path,
+    others: tuple[Path, ...],
+    baselines: tuple[str, ...],
+    robustness: bool,
+    workers: int,
+    as_json: bool,
+    store: str | None,
+) -> None:
+    """Judges a model by labelled clouds, and writes report.json and report.html.
 
     Labels judge, they never teach the model. Figures are balanced over labels, 1 is best. Clouds that the model
-    refuses are named and in no figure.
+    refuses are named and in no figure. Ready-made descriptors of whole clouds are judged beside the model.
     """
     from joblib import parallel_config
 
     from service.store import ModelStore
     from worker import tables
+    from worker.evaluation.evaluate import Request
     from worker.evaluation.evaluate import evaluate as judge
+    from worker.evaluation.page import write_page
     from worker.evaluation.report import write_report
     from worker.progress import watching
 
     models = ModelStore(settings_of(store=store).store)
     shape_model, manifest = models.load(*models.resolve(model))
-    called = ("evaluate", "--model", model, "--labels", str(labels), "--report", str(report))
-    command = shlex.join(["shape-concepts-worker", *called])
+    called = ["evaluate", "--model", model, "--labels", str(labels), "--report", str(report)]
+    called += [word for other in others for word in ("--other", str(other))]
+    called += [word for baseline in baselines for word in ("--baseline", baseline)]
+    called += ["--robustness"] * robustness
+    request = Request(
+        table=labels,
+        command=shlex.join(["shape-concepts-worker", *called]),
+        vectors=_vector_files(baselines),
+        others=others,
+        robustness=robustness,
+    )
     with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
-        judged = judge(shape_model, manifest, labels, command, watch.stage, watch.count)
-    file = write_report(judged, report)
+        judged = judge(shape_model, manifest, request, watch.stage, watch.count)
+    file, page = write_report(judged, report), write_page(judged, shape_model, report)
     for name, why in judged.data.unanswered.items():
         click.echo(f"Unanswered: {name}: {why}", err=True)
     if as_json:
         click.echo(judged.model_dump_json())
     else:
         tables.show_report(judged)
-        click.echo(f"Wrote {file}.")
+        click.echo(f"Wrote {file} and {page}.")
 
 
 @main.command(epilog=examples("shape-concepts-worker run", "shape-concepts-worker run --worker gpu-box-2 --workers 8"))
@@ -225,6 +270,16 @@ def _source(folder: Path | None, count: int | None, seed: int, config: TrainingC
     if folder is None and count is not None:
         return Simulation(count, seed, config.simulation.but(renderer=renderer))
     raise click.UsageError("Give one of --clouds DIR and --simulate COUNT.")
+
+
+def _vector_files(named: tuple[str, ...]) -> tuple[VectorFile, ...]:
+    """What each "NAME=FILE" holds."""
+    from worker.evaluation.vector_files import read_vector_file
+
+    pairs = [text.partition("=") for text in named]
+    if wrong := [text for text, (name, _, file) in zip(named, pairs, strict=True) if not name or not file]:
+        raise click.BadParameter(f"'{wrong[0]}' is no NAME=FILE.", param_hint="--baseline")
+    return tuple(read_vector_file(name, Path(file)) for name, _, file in pairs)
 
 
 def _config(file: Path | None) -> TrainingConfig:

@@ -23,8 +23,24 @@ def show_report(report: Report) -> None:
         table.add_row(escape(label), str(data.categories[label]), *_shares(figures))
     table.add_section()
     table.add_row("mean", str(data.judged), *_shares(report.figures))
+    table.add_section()
+    for name, baseline in report.baselines.items():
+        table.add_row(f"{escape(name)}, mean", str(data.judged), *_shares(baseline.figures))
     console = Console()
     console.print(table)
+    for other in report.others:
+        recalls = other.model.intervals
+        console.print(
+            f"{escape(other.data.labels)}, {other.data.judged} clouds judged by these: "
+            f"knn {recalls.knn.value:.3f}, svm {recalls.svm.value:.3f}.",
+            highlight=False,
+        )
+    if report.transfer:
+        recall = report.transfer.recall
+        console.print(
+            f"Taught one instance a label: {recall.mean:.3f} ± {recall.deviation:.3f} of each label are found.",
+            highlight=False,
+        )
     if (grouping := report.grouping) is None:
         console.print("No prototype of the model is among these clouds: its concepts' purity cannot be told.")
     else:

@@ -1,236 +1,199 @@
-"""Labelled clouds and a model -> report: responses, what can be told from them, and how pure the concepts are."""
+"""Labelled clouds and a model -> report, top-down: what can be told from the responses, and from other vectors."""
 
 from __future__ import annotations
 
-import hashlib
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from service import clouds
-from service.engine.errors import ShapeConceptsError, UnreadableCloud
+from service.engine.errors import InvalidParameter
 from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.model_file import TENSORS, Manifest
-from worker.evaluation import measures
-from worker.evaluation.labels import LEAST, OTHER, LabelledCloud, judged, read_labels
-from worker.evaluation.protocols import (
-    DESCRIPTIONS,
-    Samples,
-    nearest_neighbour,
-    region_matrices,
-    require,
-    support_vectors,
-)
-from worker.evaluation.report import (
-    ConceptPurity,
-    Data,
-    Figures,
-    Grouping,
-    JudgedModel,
-    Matrices,
-    Report,
-    SourceFigures,
-)
+from worker.evaluation import baselines, bootstrap, grouping, one_instance, parts, protocols, regions, robustness
+from worker.evaluation.answering import Answered, AnsweredSet, Count, answer
+from worker.evaluation.judgement import judge, judge_others, mean_figures
+from worker.evaluation.labels import LEAST, OTHER, judged, read_labels
+from worker.evaluation.protocols import Samples
+from worker.evaluation.report import Grouping, JudgedModel, Matrices, OtherSet, Report, Robustness
+from worker.evaluation.vector_files import VectorFile
 
-Count = Callable[[Iterable["Answered"], int], Iterable["Answered"]]
+RESPONSES = "responses"  # what the model's own vectors are called beside the baselines'
+DESCRIPTIONS = {
+    "judged": f"categories of at least {LEAST} answered clouds, but not '{OTHER}'",
+    "intervals": bootstrap.DESCRIPTION,
+    "transfer": one_instance.DESCRIPTION,
+}
 
 
-class Answered(NamedTuple):
-    """What the model says of a cloud.
+@dataclass(frozen=True)
+class Request:
+    """What a model is judged by.
 
     Attributes:
-        digest: SHA-256 of the cloud's points, in hexadecimal; empty where it could not be read.
-        responses: (C,) float64, or why there are none.
+        table: `labels.csv`.
+        command: that was called, for the report.
+        vectors: of other programs, to be judged beside the model.
+        others: labels of other clouds, to be judged by the first.
+        robustness: whether the clouds are answered under disturbances as well.
     """
 
-    digest: str
-    responses: NDArray[np.float64] | ShapeConceptsError
+    table: Path
+    command: str
+    vectors: tuple[VectorFile, ...] = ()
+    others: tuple[Path, ...] = ()
+    robustness: bool = False
 
 
 def evaluate(
     model: ShapeModel,
     manifest: Manifest,
-    table: Path,
-    command: str,
+    request: Request,
     on_stage: OnStage = ignore_stage,
     count: Count = lambda items, total: items,
 ) -> Report:
-    """Judges a model by labelled clouds; the answering is shared out as `joblib.parallel_config` says.
+    """Judges a model by labelled clouds.
+
+    The work is shared out as `joblib.parallel_config` says; the report is the same on any number of workers.
 
     Args:
         model: to be judged.
         manifest: of the model.
-        table: `labels.csv`.
-        command: that was called, for the report.
+        request: by what.
         on_stage: called as each stage begins.
         count: hands on what it is given, and may show how far that is.
 
     Raises:
-        InvalidParameter: the labels cannot be used, or the clouds or responses are too few to judge by.
+        InvalidParameter: the labels or vectors cannot be used, or the clouds or responses are too few to judge by.
     """
     on_stage("labels")
-    labelled = read_labels(table)
-    judged(labelled)
+    labelled, *labelled_others = [read_labels(table) for table in (request.table, *request.others)]
+    _check(request.vectors, [labelled[place].file for place in judged(labelled)])
 
     on_stage("responses")
-    results = Parallel(return_as="generator")(delayed(_answer)(model, cloud) for cloud in labelled)
-    answers = list(count(results, len(labelled)))
-    places = [place for place, answer in enumerate(answers) if not isinstance(answer.responses, ShapeConceptsError)]
-    answered = [labelled[place] for place in places]
-    chosen = judged(answered)
-    kept = [answered[place] for place in chosen]
-    samples = Samples(
-        np.stack([np.asarray(answers[places[place]].responses, dtype=np.float64) for place in chosen]),
-        np.array([cloud.category for cloud in kept]),
-        np.array([cloud.group for cloud in kept]),
+    answered = answer(model, request.table, labelled, request.robustness, count)
+    others = [
+        answer(model, table, rows, False, count) for table, rows in zip(request.others, labelled_others, strict=True)
+    ]
+    kept = [answered.answered[place] for place in judged([each.cloud for each in answered.answered])]
+    samples = _samples(kept, request.vectors)
+    for name, each in samples.items():
+        protocols.require(each, "the model's responses" if name == RESPONSES else f"the vectors '{name}'")
+
+    on_stage("figures")
+    results = Parallel(return_as="generator")(delayed(judge)(each) for each in samples.values())
+    judgements = dict(zip(samples, count(results, len(samples)), strict=True))
+    own = judgements.pop(RESPONSES)
+    by_label = own.by_label()
+
+    on_stage("other sets")
+    judged_others = [_judge_other(each, samples, request.vectors) for each in others]
+
+    on_stage("grouping")
+    labels_of = {each.seen.digest: each.cloud.category for each in answered.answered}
+    grouped = _judge_grouping(model, answered, labels_of, request.vectors)
+
+    on_stage("one instance a label")
+    taught = one_instance.transfer(
+        [each.seen for each in kept],
+        own.recalled.labels,
+        own.recalled.groups,
+        model.dictionary,
+        {name: each.vectors for name, each in samples.items()},
+        count,
     )
-    require(samples)
-
-    with threadpool_limits(1):  # sums must not depend on the number of threads
-        on_stage("nearest neighbours")
-        nearest = nearest_neighbour(samples)
-
-        on_stage("support vectors")
-        machines = support_vectors(samples)
-
-    on_stage("region grid")
-    regions = region_matrices(samples)
-
-    on_stage("purity")
-    categories = {cloud.category for cloud in labelled} - {OTHER}
-    labels_of = {answer.digest: cloud.category for answer, cloud in zip(answers, labelled, strict=True)}
-    by_label = {
-        label: Figures(knn=knn, svm=svm, within=within, assigned=assigned)
-        for (label, knn), svm, within, assigned in zip(
-            measures.recalls(samples.labels, nearest).items(),
-            _mean_recalls(samples.labels, machines),
-            np.diag(regions.within).tolist(),
-            np.diag(regions.assigned).tolist(),
-            strict=True,
-        )
-    }
+    files = {each.name: f"vectors of {each.file}" for each in request.vectors}
     return Report(
-        command=command,
+        command=request.command,
         model=JudgedModel(
             name=manifest.name,
             version=manifest.version,
             sha256=manifest.contents[TENSORS].sha256,
-            concepts=samples.vectors.shape[1],
+            concepts=len(model.concepts().sizes),
+            responses=own.size,
             time=manifest.epsilon_max,
         ),
-        data=_describe(table, labelled, answers, kept),
-        protocol=DESCRIPTIONS | {"judged": f"categories of at least {LEAST} answered clouds, but not '{OTHER}'"},
-        figures=_mean(list(by_label.values())),
+        data=parts.data_of(answered, kept),
+        protocol=protocols.DESCRIPTIONS | regions.DESCRIPTIONS | grouping.DESCRIPTIONS | DESCRIPTIONS,
+        figures=mean_figures(by_label),
         by_label=by_label,
-        by_source=_by_source(samples.labels, nearest, machines, np.array([cloud.source for cloud in kept])),
+        by_source=parts.by_source(own.recalled, kept),
         matrices=Matrices(
-            labels=list(regions.labels), within=regions.within.tolist(), assigned=regions.assigned.tolist()
+            labels=list(own.regions.labels), within=own.regions.within.tolist(), assigned=own.regions.assigned.tolist()
         ),
-        grouping=group_purity(model, labels_of, sorted(categories)),
+        intervals=own.recalled.intervals(),
+        map=parts.map_of(own, kept),
+        baselines={
+            name: parts.baseline_of((baselines.DESCRIPTIONS | files)[name], each, own)
+            for name, each in judgements.items()
+        },
+        grouping=grouped,
+        structure=parts.structure_of(model, labels_of),
+        transfer=taught,
+        others=judged_others,
+        robustness=_robustness(answered) if request.robustness else None,
     )
 
 
-def group_purity(model: ShapeModel, labels_of: dict[str, str], categories: Sequence[str]) -> Grouping | None:
-    """How pure a model's concepts are.
+def _check(vectors: Sequence[VectorFile], files: Sequence[str]) -> None:
+    """Refuses other programs' vectors before the long work if they are of other clouds, or called as others are.
 
-    Args:
-        model: whose prototypes are known by the hashes of their clouds.
-        labels_of: the label of each hash.
-        categories: that a concept can be pure of; a prototype with another label makes its concept impure.
-
-    Returns:
-        None where no concept has a labelled prototype: the model was not trained on these clouds.
+    A cloud that the model will refuse needs no vector, so that not all of them can be asked for here.
     """
-    labels = [labels_of.get(digest) for digest in model.prototypes.cloud_hashes]
-    concepts = model.concepts()
-    known = np.array([label is not None for label in labels])
-    inside = known & (concepts.assignment >= 0)
-    if not inside.any():
+    names = [RESPONSES, *baselines.DESCRIPTIONS, *(each.name for each in vectors)]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise InvalidParameter(f"The vectors '{min(twice)}' need another name: there are others of that name.")
+    for each in vectors:
+        if not any(each.has([file]) for file in files):
+            each.of(files)
+
+
+def _samples(clouds: Sequence[Answered], files: Sequence[VectorFile]) -> dict[str, Samples]:
+    """The vectors of clouds with their labels: the model's responses first, then the baselines."""
+    labels = np.array([each.cloud.category for each in clouds])
+    groups = np.array([each.cloud.group for each in clouds])
+    vectors = {RESPONSES: np.stack([each.responses for each in clouds])}
+    vectors |= {name: np.stack([each.baselines[name] for each in clouds]) for name in baselines.DESCRIPTIONS}
+    vectors |= {file.name: file.of([each.cloud.file for each in clouds]) for file in files}
+    return {name: Samples(each, labels, groups) for name, each in vectors.items()}
+
+
+def _judge_other(answered: AnsweredSet, samples: Mapping[str, Samples], files: Sequence[VectorFile]) -> OtherSet:
+    """Judges another set's clouds of the labels that the first set has, by the model and each baseline."""
+    kept = [each for each in answered.answered if each.cloud.category in samples[RESPONSES].labels]
+    if not kept:
+        raise InvalidParameter(f"No cloud of {answered.table} has a label that is judged: {_labels(samples)}.")
+    known = [file for file in files if file.has([each.cloud.file for each in kept])]
+    recalled = {name: judge_others(samples[name], each) for name, each in _samples(kept, known).items()}
+    own = recalled.pop(RESPONSES)
+    return OtherSet(
+        data=parts.data_of(answered, kept),
+        model=parts.other_figures(own),
+        baselines={name: parts.other_figures(each, own) for name, each in recalled.items()},
+    )
+
+
+def _judge_grouping(
+    model: ShapeModel, answered: AnsweredSet, labels_of: Mapping[str, str], files: Sequence[VectorFile]
+) -> Grouping | None:
+    known = grouping.labelled_prototypes(model, labels_of, sorted(set(labels_of.values()) - {OTHER}))
+    if known is None:
         return None
-    members = np.bincount(concepts.assignment[inside], minlength=len(concepts.sizes))
-    present = np.flatnonzero(members)
-    counts = np.zeros((len(members), len(categories)), np.int64)
-    seen = measures.label_counts(concepts.assignment, labels, categories)
-    counts[: len(seen)] = seen
-    purities = measures.purity(counts[present], members[present])
-    scores = measures.rank_score(purities, members[present])
-    ranked = [
-        ConceptPurity(
-            id=int(concepts.ids[concept]),
-            prototypes=int(members[concept]),
-            label=categories[counts[concept].argmax()] if counts[concept].any() else None,
-            purity=float(purities[place]),
-            rank_score=float(scores[place]),
-        )
-        for place, concept in enumerate(present)
-    ]
-    return Grouping(
-        prototypes=int(known.sum()),
-        covered=float(inside.sum() / known.sum()),
-        purity=float(purities.mean()),
-        pure=measures.pure_share(purities),
-        concepts=sorted(ranked, key=lambda concept: -concept.rank_score),
-    )
+    by_digest = {each.seen.digest: each for each in answered.answered}
+    clouds = [by_digest[digest] for digest in known.digests]
+    usable = [file for file in files if file.has([each.cloud.file for each in clouds])]
+    vectors = {name: each.vectors for name, each in _samples(clouds, usable).items() if name != RESPONSES}
+    with threadpool_limits(1):  # sums must not depend on the number of threads
+        return grouping.judge_grouping(known, vectors)
 
 
-def _answer(model: ShapeModel, labelled: LabelledCloud) -> Answered:
-    digest = ""
-    try:
-        cloud = clouds.read(labelled.path.read_bytes(), name=labelled.path.name)
-        digest = hashlib.sha256(np.ascontiguousarray(cloud.points).tobytes()).hexdigest()
-        with threadpool_limits(1):  # the processes share the cores already
-            return Answered(digest, model.respond(cloud).responses)
-    except ShapeConceptsError as error:
-        return Answered(digest, error)
-    except OSError as error:
-        return Answered(digest, UnreadableCloud(f"The file cannot be read: {error.strerror}."))
+def _robustness(answered: AnsweredSet) -> Robustness:
+    best = np.array([each.best for each in answered.answered], dtype=np.int64)
+    return robustness.curves(best, [each.disturbed for each in answered.answered])
 
 
-def _describe(table: Path, labelled: list[LabelledCloud], answers: list[Answered], kept: list[LabelledCloud]) -> Data:
-    unanswered = {
-        cloud.file: str(answer.responses)
-        for cloud, answer in zip(labelled, answers, strict=True)
-        if isinstance(answer.responses, ShapeConceptsError)
-    }
-    categories = Counter(cloud.category for cloud in kept)
-    answered = Counter(cloud.category for cloud in labelled if cloud.file not in unanswered)
-    return Data(
-        labels=str(table),
-        sha256=hashlib.sha256(table.read_bytes()).hexdigest(),
-        clouds=len(labelled),
-        judged=len(kept),
-        groups=len({cloud.group for cloud in kept}),
-        categories=dict(sorted(categories.items())),
-        not_judged=dict(sorted((answered - categories).items())),
-        unanswered=unanswered,
-    )
-
-
-def _by_source(
-    labels: NDArray[np.str_], nearest: NDArray[np.str_], machines: NDArray[np.str_], sources: NDArray[np.str_]
-) -> dict[str, SourceFigures]:
-    return {
-        str(source): SourceFigures(
-            clouds=int((sources == source).sum()),
-            knn=measures.balanced_accuracy(labels[sources == source], nearest[sources == source]),
-            svm=float(np.mean(_mean_recalls(labels[sources == source], machines[:, sources == source]))),
-        )
-        for source in np.unique(sources)
-        if source
-    }
-
-
-def _mean_recalls(labels: NDArray[np.str_], repeated: NDArray[np.str_]) -> list[float]:
-    """The recall of each label, sorted, the mean over repetitions."""
-    each = [list(measures.recalls(labels, predicted).values()) for predicted in repeated]
-    return [float(mean) for mean in np.mean(each, axis=0)]
-
-
-def _mean(figures: Sequence[Figures]) -> Figures:
-    return Figures(**{name: float(np.mean([getattr(f, name) for f in figures])) for name in Figures.model_fields})
+def _labels(samples: Mapping[str, Samples]) -> str:
+    return ", ".join(np.unique(samples[RESPONSES].labels).tolist())

@@ -44,7 +44,7 @@ def summary(report: Report) -> str:
     data = report.data
     judged = (
         f"{data.judged} clouds of {len(data.categories)} labels were put to the model {report.model.name}:"
-        f"{report.model.version}, which answers with {report.model.concepts} concepts."
+        f"{report.model.version}, which answers with {report.model.responses} concepts."
     )
     if not report.baselines:
         return f"{judged} No ready-made description was computed beside it."
@@ -68,7 +68,7 @@ def _verdict(report: Report, name: str) -> str:
     if interval is None:
         return words
     sure = "beyond chance" if interval.low > 0 or interval.high < 0 else "which may be chance"
-    return f"{words} ({sure}; 95 % interval of the lead {signed(interval.low)} to {signed(interval.high)})"
+    return f"{words} ({sure}; 95 % interval of the lead {signed(interval.low, 3)} to {signed(interval.high, 3)})"
 
 
 def signed(value: float, digits: int = 2) -> str:

@@ -21,6 +21,7 @@ class JudgedModel(_Part):
     version: int = Field(description="its version")
     sha256: str = Field(description="of its tensors")
     concepts: int = Field(description="concepts at the filtration time")
+    responses: int = Field(description="concepts that it answers with: those, and specific and generic ones")
     time: float = Field(description="filtration time, in [0, 1]")
 
 
@@ -119,7 +120,7 @@ class Baseline(_Part):
 
 
 class GroupFigures(_Part):
-    """How groups of prototypes and labels go together. A label that is not judged agrees with no other prototype's."""
+    """How groups of prototypes and labels go together; 'other' agrees with no label, not even with 'other'."""
 
     groups: int = Field(description="groups with a labelled prototype")
     covered: float = Field(description="share of the labelled prototypes that belong to a group")
@@ -147,7 +148,7 @@ class ConceptPurity(_Part):
     id: int = Field(description="of the concept")
     prototypes: int = Field(description="how many it has that are labelled")
     label: str | None = Field(description="of most of them")
-    labels: dict[str, int] = Field(default={}, description="how many bear each label; those that are not judged too")
+    labels: dict[str, int] = Field(default={}, description="how many bear each label, 'other' too")
     purity: float = Field(description="pu(c), Eq. 5")
     rank_score: float = Field(description="rs(c), Eq. 6")
 

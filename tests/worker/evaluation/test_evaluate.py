@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,10 @@ COUNT = 42
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Clouds of lone solids with their labels, a cloud that cannot be answered, and a model learnt from the clouds."""
+    """Clouds of lone solids with their labels, a cloud that cannot be answered, and a model learnt from the clouds.
+
+    Others are a few of the clouds with groups of their own; `kinds.csv` has vectors that give the label away.
+    """
     folder = tmp_path_factory.mktemp("solids")
     (folder / "clouds").mkdir()
     rows = ["file,category,source"]
@@ -34,6 +38,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ModelStore(folder / "store").publish(model, name="solids", seed=1, source={"kind": "folder"})
     (folder / "empty.ply").write_bytes(b"")
     (folder / "labels.csv").write_text("\n".join([*rows, "empty.ply,box,odd"]) + "\n")
+    few = [row.split(",")[:2] for row in rows[1:15]]
+    others = [f"{file},{kind},other {file}" for file, kind in few]
+    (folder / "others.csv").write_text("\n".join(["file,category,group", *others, "empty.ply,box,none"]) + "\n")
+    kinds = [f"/pcd/{Path(row).stem}.pcd,{row.count('box')},{row.count('sphere')}" for row in rows[1:]]
+    (folder / "foreign.csv").write_text("mug.pcd,1,2\n")
+    (folder / "kinds.csv").write_text("\n".join(kinds) + "\n")
     return folder
 
 
@@ -43,7 +53,8 @@ def run(folder: Path, *arguments: str) -> Result:
 
 @pytest.fixture(scope="module")
 def result(folder: Path) -> Result:
-    chosen = ("--model", "solids", "--labels", str(folder / "labels.csv"), "--report", str(folder / "report"), "--json")
+    chosen = ["--model", "solids", "--labels", str(folder / "labels.csv"), "--report", str(folder / "report"), "--json"]
+    chosen += ["--other", str(folder / "others.csv"), "--baseline", f"kind={folder / 'kinds.csv'}"]
     return run(folder, *chosen)
 
 
@@ -55,7 +66,7 @@ def report(result: Result) -> Report:
 
 def test_what_is_printed_is_what_is_written(folder: Path, result: Result) -> None:
     assert json.loads((folder / "report" / "report.json").read_text()) == json.loads(result.stdout)
-    assert [path.name for path in (folder / "report").iterdir()] == ["report.json"]
+    assert {path.name for path in (folder / "report").iterdir()} == {"report.json", "report.html"}
 
 
 def test_a_cloud_that_cannot_be_answered_is_named_and_in_no_figure(report: Report, result: Result) -> None:
@@ -93,10 +104,76 @@ def test_concepts_of_labelled_prototypes_have_a_purity(report: Report) -> None:
     assert scores == sorted(scores, reverse=True)
 
 
+def test_baselines_are_judged_beside_the_model(report: Report) -> None:
+    assert list(report.baselines) == ["mean FPFH", "shape distributions", "ESF", "kind"]
+    assert report.intervals is not None
+    for baseline in report.baselines.values():
+        assert set(baseline.by_label) == set(report.by_label)
+        for name in ("knn", "svm"):
+            value = getattr(baseline.intervals, name).value
+            assert value == pytest.approx(getattr(baseline.figures, name))
+            ahead = getattr(report.intervals, name).value - value
+            assert getattr(baseline.ahead, name).value == pytest.approx(ahead)
+
+
+def test_vectors_that_give_the_label_away_are_told_to(report: Report) -> None:
+    kind = report.baselines["kind"]
+    assert kind.dimensions == 2
+    assert (kind.figures.knn, kind.figures.svm) == (1, 1)
+    assert kind.ahead.knn.high <= 0
+
+
+def test_every_judged_cloud_has_its_place_in_the_map(report: Report) -> None:
+    assert report.map is not None
+    assert len(report.map.places) == report.data.judged
+    assert Counter(place.label for place in report.map.places) == report.data.categories
+    grid = report.map.regions
+    assert np.shape(grid.cells) == np.shape(grid.opacity) == (60, 60)
+    xs = [place.x for place in report.map.places]
+    assert (min(xs), max(xs)) == (grid.low[0], grid.high[0])
+
+
+def test_the_structure_of_the_model_bears_the_labels(report: Report) -> None:
+    structure = report.structure
+    assert structure is not None
+    assert len(structure.edges) == COUNT - 1
+    assert Counter(structure.labels) == Counter(report.data.categories) + Counter(report.data.not_judged)
+    assert report.grouping is not None
+    named = {concept.id: concept.labels for concept in report.grouping.concepts}
+    for place, concept in enumerate(structure.concepts):
+        members = [x for x, of in zip(structure.labels, structure.assignment, strict=True) if of == place]
+        assert named[concept] == Counter(members)
+
+
+def test_clusterings_of_the_same_prototypes_are_judged_beside_the_concepts(report: Report) -> None:
+    assert report.grouping is not None
+    assert report.grouping.figures is not None
+    kmeans = [rival for rival in report.grouping.rivals if rival.method == "k-means"]
+    assert {rival.vectors for rival in kmeans} >= {"mean FPFH", "shape distributions", "ESF"}
+    assert {rival.figures.groups for rival in kmeans} == {report.grouping.figures.groups}
+
+
+def test_another_set_is_judged_by_the_first(report: Report) -> None:
+    (other,) = report.others
+    assert other.data.unanswered.keys() == {"empty.ply"}
+    assert other.data.judged == 14
+    assert other.model.intervals.knn.value == 1  # each of its clouds is in the first set, under another group
+    assert set(other.baselines) == set(report.baselines)
+    assert all(baseline.ahead is not None for baseline in other.baselines.values())
+
+
+def test_one_instance_a_label_is_tried_with_the_responses_and_every_baseline(report: Report) -> None:
+    assert report.transfer is not None
+    assert set(report.transfer.rivals) == {"responses", *report.baselines}
+    assert report.transfer.recall.mean > 1.2 / len(report.by_label)
+
+
 def test_a_report_says_how_it_was_made(report: Report, folder: Path) -> None:
     assert report.command.startswith("shape-concepts-worker evaluate --model solids --labels ")
     assert (report.model.name, report.model.version) == ("solids", 1)
-    assert set(report.protocol) >= {"knn", "svm", "within", "assigned"}
+    assert set(report.protocol) >= {"knn", "svm", "within", "assigned", "intervals", "transfer", "rivals", "others"}
+    assert "--other" in report.command
+    assert report.robustness is None
 
 
 def test_a_model_of_other_clouds_has_no_purity_to_tell(folder: Path, tmp_path: Path) -> None:
@@ -109,6 +186,51 @@ def test_a_model_of_other_clouds_has_no_purity_to_tell(folder: Path, tmp_path: P
     told = run(folder, "--model", "others", *labels, "--report", str(tmp_path / "report"))
     assert told.exit_code == 0, told.output
     assert "purity cannot be told" in " ".join(told.stdout.split())
+
+
+@pytest.fixture(scope="module")
+def few(folder: Path) -> Path:
+    """Labels of few clouds, which are answered in no time."""
+    rows = (folder / "labels.csv").read_text().splitlines()
+    kinds = [[row for row in rows if f",{kind}," in row and "empty" not in row][:6] for kind in ("box", "sphere")]
+    (folder / "few.csv").write_text("\n".join([rows[0], *kinds[0], *kinds[1]]) + "\n")
+    return folder / "few.csv"
+
+
+def test_robustness_is_told_where_it_is_asked_for(folder: Path, few: Path) -> None:
+    chosen = ("--model", "solids", "--labels", str(few), "--report", str(folder / "robust"), "--robustness", "--json")
+    robustness = Report.model_validate_json(run(folder, *chosen).stdout).robustness
+    assert robustness is not None
+    assert robustness.clouds == 12
+    rescaled = next(curve for curve in robustness.curves if curve.name == "rescaled")
+    assert min(at.kept for at in rescaled.strengths) > 0.8
+
+
+@pytest.mark.slow
+def test_the_report_is_the_same_on_any_number_of_workers(folder: Path, few: Path) -> None:
+    chosen = ("--model", "solids", "--labels", str(few), "--report", str(folder / "same"), "--robustness", "--json")
+    alone, shared = run(folder, *chosen), run(folder, *chosen, "--workers", "2")
+    assert shared.exit_code == 0, shared.output
+    assert shared.stdout == alone.stdout
+
+
+@pytest.mark.parametrize(
+    ("baseline", "code", "told"),
+    [
+        ("kinds.csv", 2, "is no NAME=FILE"),
+        ("kind=lost.csv", 1, "No such file"),
+        ("ESF=kinds.csv", 1, "'ESF' need another name"),
+        ("others=others.csv", 1, "no number"),
+        ("foreign=foreign.csv", 1, "lack 43 of the 43 clouds"),
+    ],
+)
+def test_vectors_that_cannot_be_used_are_told(folder: Path, baseline: str, code: int, told: str) -> None:
+    name, _, file = baseline.rpartition("=")
+    given = f"{name}={folder / file}" if name else baseline
+    labels = ("--labels", str(folder / "labels.csv"))
+    answer = run(folder, "--model", "solids", *labels, "--report", str(folder / "none"), "--baseline", given)
+    assert answer.exit_code == code
+    assert told in " ".join(answer.stderr.split())
 
 
 @pytest.mark.parametrize(

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import importlib.util
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from service import clouds
 from service.engine.errors import InvalidParameter
+from worker.evaluation.judgement import judge, judge_others, mean_figures
 from worker.evaluation.labels import judged, read_labels
 from worker.evaluation.measures import balanced_accuracy
-from worker.evaluation.protocols import Samples, nearest_neighbour, region_matrices, require, support_vectors
+from worker.evaluation.protocols import (
+    Samples,
+    nearest_neighbour,
+    nearest_neighbour_of_others,
+    require,
+    support_vectors,
+    support_vectors_of_others,
+)
 
 LABELS = np.repeat(["ball", "box", "can"], 12)
 ALONE = np.arange(36).astype(str)
@@ -57,12 +68,22 @@ def test_two_labels_of_which_one_is_a_single_group_can_be_split() -> None:
     assert support_vectors(Samples(blobs(30).vectors[two], LABELS[two], groups)).shape == (5, 24)
 
 
-def test_rows_of_the_matrices_are_shares() -> None:
-    regions = region_matrices(blobs(3))
-    assert regions.labels == ("ball", "box", "can")
-    assert regions.assigned.sum(axis=1) == pytest.approx([1, 1, 1])
-    assert (regions.within >= 0).all()
-    assert (regions.within.sum(axis=1) <= 1 + 1e-12).all()
+def test_another_set_that_is_the_same_one_is_told_as_the_first_is() -> None:
+    samples = blobs(2)
+    assert (nearest_neighbour_of_others(samples, samples) == nearest_neighbour(samples)).all()
+
+
+def test_another_set_is_told_by_what_the_first_shows() -> None:
+    others = blobs(30, np.char.add("other ", ALONE), seed=1)
+    assert (nearest_neighbour_of_others(blobs(30), others) == LABELS).all()
+    assert (support_vectors_of_others(blobs(30), others) == LABELS).all()
+
+
+def test_clouds_of_a_group_do_not_judge_one_another_across_sets() -> None:
+    groups = LABELS.copy()
+    samples, others = blobs(30, groups), blobs(30, groups, seed=1)
+    assert (nearest_neighbour_of_others(samples, others) != LABELS).all()
+    assert (support_vectors_of_others(samples, others) != LABELS).all()
 
 
 def test_too_few_groups_or_concepts_to_judge_by_are_told() -> None:
@@ -70,14 +91,42 @@ def test_too_few_groups_or_concepts_to_judge_by_are_told() -> None:
     require(samples)
     with pytest.raises(InvalidParameter, match="3 groups"):
         require(blobs(30, groups=LABELS))
-    with pytest.raises(InvalidParameter, match="1 concepts"):
+    with pytest.raises(InvalidParameter, match="there is 1 number"):
         require(Samples(samples.vectors[:, :1], LABELS, ALONE))
-    with pytest.raises(InvalidParameter, match="the same for all"):
-        require(Samples(np.ones((36, 3)), LABELS, ALONE))
+    with pytest.raises(InvalidParameter, match=r"told from the vectors 'VFH'.* the same for all"):
+        require(Samples(np.ones((36, 3)), LABELS, ALONE), "the vectors 'VFH'")
 
 
 @pytest.mark.data
 def test_figures_are_those_of_the_yardstick(scans: Path) -> None:
+    yardstick = _yardstick(scans)
+    table = scans / "scans" / "labels.csv"
+    samples = _samples(table, judged(read_labels(table)))
+    with threadpool_limits(1):  # the map depends on the number of threads
+        expected = yardstick.score(_vectors(table), *yardstick.labels(table))
+    judgement = judge(samples)
+    figures = mean_figures(judgement.by_label())
+    assert expected == {
+        "n": len(samples.labels),
+        "classes": len(judgement.regions.labels),
+        **{name: round(value, 3) for name, value in figures.model_dump().items()},
+    }
+
+
+@pytest.mark.data
+def test_another_set_is_judged_as_the_yardstick_does(scans: Path) -> None:
+    yardstick = _yardstick(scans)
+    first, second = scans / "scans" / "labels.csv", scans / "occluded" / "labels.csv"
+    samples = _samples(first, judged(read_labels(first)))
+    rows = read_labels(second)
+    others = _samples(second, [place for place, row in enumerate(rows) if row.category in samples.labels])
+    recalls = judge_others(samples, others).intervals()
+    assert yardstick.judge(
+        _vectors(first), *yardstick.labels(first), _vectors(second), yardstick.labels(second)[0]
+    ) == {"n": len(others.labels), "knn": round(recalls.knn.value, 3), "svm": round(recalls.svm.value, 3)}
+
+
+def _yardstick(scans: Path) -> ModuleType:
     file = scans.parent / "tools" / "protocol.py"
     if not file.is_file():
         pytest.skip(f"the yardstick is not at {file}")
@@ -86,24 +135,17 @@ def test_figures_are_those_of_the_yardstick(scans: Path) -> None:
     assert spec.loader is not None
     yardstick = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(yardstick)
-    table = scans / "scans" / "labels.csv"
-    labelled = read_labels(table)
-    points = [clouds.read(cloud.path.read_bytes(), name=cloud.file).points for cloud in labelled]
-    vectors = np.array([np.log(np.linalg.eigvalsh(np.cov(p.T.astype(float)))) for p in points])
-    expected = yardstick.score(vectors, *yardstick.labels(table))
+    return yardstick
 
-    kept = judged(labelled)
-    samples = Samples(
-        vectors[kept],
-        np.array([labelled[place].category for place in kept]),
-        np.array([labelled[place].group for place in kept]),
-    )
-    regions = region_matrices(samples)
-    assert expected == {
-        "n": len(kept),
-        "classes": len(regions.labels),
-        "knn": round(balanced_accuracy(samples.labels, nearest_neighbour(samples)), 3),
-        "svm": round(float(np.mean([balanced_accuracy(samples.labels, p) for p in support_vectors(samples)])), 3),
-        "within": round(float(np.diag(regions.within).mean()), 3),
-        "assigned": round(float(np.diag(regions.assigned).mean()), 3),
-    }
+
+@cache
+def _vectors(table: Path) -> np.ndarray:
+    """How long, wide and flat each cloud of a labels' file is."""
+    points = [clouds.read(row.path.read_bytes(), name=row.file).points for row in read_labels(table)]
+    return np.array([np.log(np.linalg.eigvalsh(np.cov(p.T.astype(float)))) for p in points])
+
+
+def _samples(table: Path, places: list[int]) -> Samples:
+    rows = read_labels(table)
+    labels, groups = np.array([row.category for row in rows]), np.array([row.group for row in rows])
+    return Samples(_vectors(table)[places], labels[places], groups[places])

@@ -11,7 +11,7 @@ from worker.evaluation.report import Data, Figures, JudgedModel, Matrices, Repor
 FIGURES = Figures(knn=0.5, svm=0.5, within=0.5, assigned=0.5)
 REPORT = Report(
     command="none",
-    model=JudgedModel(name="toys", version=1, sha256="0" * 64, concepts=2, time=0.5),
+    model=JudgedModel(name="toys", version=1, sha256="0" * 64, concepts=2, responses=2, time=0.5),
     data=Data(
         labels="labels.csv", sha256="0" * 64, clouds=0, judged=0, groups=0, categories={}, not_judged={}, unanswered={}
     ),

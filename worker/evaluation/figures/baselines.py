@@ -70,7 +70,7 @@ def source_table(report: Report) -> Table:
 
 
 def _figure_table(report: Report) -> Table:
-    every = [(MODEL, report.model.concepts, report.figures)]
+    every = [(MODEL, report.model.responses, report.figures)]
     every += [(name, baseline.dimensions, baseline.figures) for name, baseline in report.baselines.items()]
     rows = [(name, str(size), *_numbers(figures)) for name, size, figures in every]
     return Table(("vectors", "length", *NAMES.values()), tuple(rows), "The four figures, means over labels")

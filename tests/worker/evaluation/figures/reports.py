@@ -170,7 +170,7 @@ def bare_report(labels: Sequence[str] = LABELS) -> Report:
     count = len(labels)
     return Report(
         command="shape-concepts-worker evaluate",
-        model=JudgedModel(name="toys", version=3, sha256="0" * 64, concepts=9, time=0.5),
+        model=JudgedModel(name="toys", version=3, sha256="0" * 64, concepts=9, responses=9, time=0.5),
         data=data(labels),
         protocol={"knn": "how it is made"},
         figures=own,
