@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import jensenshannon
 
 from service.engine.motifs import Ensemble
-from service.engine.params import ModelParams, StimuliParams
+from service.engine.params import HierarchyParams, ModelParams, StimuliParams
 from service.engine.perception import Perception, perceive
 from service.engine.stimuli import Stimuli, excite, gaussian_of_jsd, jsd_matrix, stimulate
 from tests.learnt import PRESETS, learnt, named_clouds, perceived
 from tests.shapes import ball, look, see
+from worker.learning.hierarchy import grow_ensemble
 
 GATINGS, POOLINGS = ("words", "level", "kernel"), ("sum", "mean", "max")
 
@@ -193,6 +194,20 @@ def test_each_rank_is_balanced_to_its_weight_and_one_without_a_constellation_sta
                 expected = weights[name] * len(level) if own & set(level[rank].tolist()) else 0
                 assert vector[rank].sum() == pytest.approx(expected, rel=1e-5)
         assert not stimulated(single(), params)[ranks["union_weight"]].any()
+
+
+def test_where_all_that_was_learnt_is_single_segments_they_are_segments_and_not_wholes():
+    """Without wholes apart, an object of one segment has one motif level: the first, which is the last too."""
+    params = ModelParams(hierarchy=HierarchyParams(whole_apart=False))
+    seen = perceive(see(ball(0.1), look(20, 35, 0.9)).cloud, params)
+    dictionary = learnt().dictionary
+    ensemble = grow_ensemble([seen], dictionary)
+    assert set(ensemble.vertex_levels.tolist()) == {1}
+    words = dictionary.words(seen.segment_descriptors)
+    for gating in GATINGS:
+        weighed = StimuliParams(gating=gating, balanced=True, **WEIGHTS)
+        values = stimulate(ensemble, seen.constellations, seen.descriptors, words, weighed).values
+        assert values.sum() == pytest.approx(WEIGHTS["segment_weight"] * ensemble.vertex_count, rel=1e-5)
 
 
 def test_balance_changes_no_proportion_within_a_rank():
