@@ -25,10 +25,12 @@ class Panel(NamedTuple):
     Attributes:
         picture: SVG or HTML.
         heading: short, above the picture; empty where it is the only one.
+        note: what else must be known to read it; empty where nothing is.
     """
 
     picture: Markup
     heading: str = ""
+    note: str = ""
 
 
 class Table(NamedTuple):

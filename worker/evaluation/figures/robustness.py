@@ -19,7 +19,7 @@ WIDE = 4.0  # strengths that span more than this factor stand on a logarithmic a
 def robustness_figure(robustness: Robustness) -> Figure:
     """A curve for each disturbance: the share of clouds that keep their best concept."""
     panels = [
-        Panel(draw(f"robustness-{place}", _alt(curve), HEIGHT, partial(_paint, curve)), curve.name)
+        Panel(draw(f"robustness-{place}", _alt(curve), HEIGHT, partial(_paint, curve)), curve.name, curve.description)
         for place, curve in enumerate(robustness.curves)
     ]
     return Figure(
@@ -52,7 +52,7 @@ def _paint(curve: Curve, axes: Axes) -> None:
         axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks(strengths)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xlabel(f"strength, {curve.unit}" if curve.unit else "strength, a factor")
+    axes.set_xlabel(curve.unit or "factor")
     axes.set_ylabel("keep their concept")
     axes.set_ylim(0, 1.04)
     axes.margins(x=0.08)
@@ -65,7 +65,7 @@ def _alt(curve: Curve) -> str:
 
 def _table(curve: Curve) -> Table:
     return Table(
-        headings=(f"strength{f', {curve.unit}' if curve.unit else ''}", "keep it", "concepts in use", "refused"),
+        headings=(curve.unit or "factor", "keep it", "concepts in use", "refused"),
         rows=tuple((f"{at.strength:g}", f"{at.kept:.0%}", str(at.in_use), str(at.refused)) for at in curve.strengths),
-        heading=f"{curve.name}: {curve.description}",
+        heading=curve.name,
     )
