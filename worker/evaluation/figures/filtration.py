@@ -31,8 +31,8 @@ def filtration_figure(structure: Structure) -> Figure:
         key="filtration",
         title="The barcode and the annexations: when concepts are taken",
         caption=f"Each of the {size} bars is an object's group, which begins at time 0 and ends when a larger group "
-        f"swallows it; the columns count how many end at each time. They end most often about ε max "
-        f"= {chosen:.2f}, where concepts are taken: earlier, groups are many and specific, later few and generic.",
+        f"swallows it; the columns count how many end at each time. Concepts are taken at ε max = "
+        f"{chosen:.2f} (dashed): earlier, groups are many and specific, later few and generic.",
         panels=(Panel(barcode, "Barcode of H₀"), Panel(annexations, "Annexations at each time")),
         legend=(
             Entry("ended by ε max", PAGE_COLOURS[PALE], "s"),

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from worker.evaluation.figures.drawing import WIDTH, draw
 from worker.evaluation.figures.figure import Figure, Panel, Table, legend_of
 from worker.evaluation.figures.graphs import paint_labelled
-from worker.evaluation.figures.palette import PAPER, Palette
+from worker.evaluation.figures.palette import Palette
 from worker.evaluation.report import Figures, Matrices, RegionGrid, ResponseMap
 
 SIDE = float(WIDTH)  # of the map, which is square, CSS pixels
 MOST = 3000  # clouds that are drawn
-STRONGEST = 0.7  # opacity of a cell whose neighbours all agree: clouds of the same colour can be seen on it
+OUTLINE = "#ffffff"  # of a cloud, by day and night, so that it can be seen on ground of its own colour
+STRONGEST = 0.7  # opacity of a cell whose neighbours all agree, less than all for the same reason
 
 
 def map_figure(response_map: ResponseMap, palette: Palette) -> Figure:
@@ -41,7 +42,7 @@ def map_figure(response_map: ResponseMap, palette: Palette) -> Figure:
             aspect="auto",
             interpolation="none",
         )
-        paint_labelled(axes, points, labels, palette, radius, PAPER)
+        paint_labelled(axes, points, labels, palette, radius, OUTLINE)
         room = 0.03 * np.array([right - left, top - bottom])
         axes.set_xlim(left - room[0], right + room[0])
         axes.set_ylim(bottom - room[1], top + room[1])
