@@ -28,7 +28,7 @@ class Stimuli(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     index: list[int] = Field(description="motif vertices that fired, ascending")
-    value: list[float] = Field(description="their stimuli, float32, Eq. 1")
+    value: list[float] = Field(description="their stimuli, float32, Eq. 1, scaled by rank where the model is balanced")
 
 
 class Answer(BaseModel):

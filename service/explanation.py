@@ -50,7 +50,7 @@ class FiredVertex(BaseModel):
     )
     level: int = Field(ge=1, description="motif level")
     words: list[int] = Field(description="its motif: visual words of level f, ascending")
-    stimulus: float = Field(description="Eq. 1")
+    stimulus: float = Field(description="Eq. 1, scaled by rank where the model is balanced")
     segments: list[int] = Field(description="numbers of the cloud's segments whose constellation excites it most")
     prototypes: int = Field(ge=1, description="how many motif prototypes it memorises")
     nearest: list[Likeness] = Field(
@@ -75,8 +75,10 @@ class Explanation(BaseModel):
     model_config = _TOLD
 
     segments: list[SeenSegment] = Field(description="what the cloud was divided into")
-    vertices: list[FiredVertex] = Field(description="motif vertices that fired most, strongest first")
-    concepts: list[NearConcept] = Field(description="the best concepts, closest first")
+    vertices: list[FiredVertex] = Field(
+        description="motif vertices that fired most, compared with the mean of their motif level"
+    )
+    concepts: list[NearConcept] = Field(description="the best concepts, as ranked")
     wholes: list[Likeness] = Field(
         description=f"training objects most like the cloud as a whole, the first of which novelty is by; {_BY_JSD}"
     )

@@ -61,7 +61,7 @@ class Manifest(BaseModel):
         description="step of the filtration times, in [0, 1]: annexation times are its multiples, rounded up, the last "
         "one cut off at 1"
     )
-    epsilon_max: float = Field(description="filtration time of most annexations, in [0, 1]")
+    epsilon_max: float = Field(description="middle of the stretch of filtration time of most annexations, in [0, 1]")
     notes: list[str] = Field(description="what is unusual about this model, in sentences")
     contents: dict[str, Content] = Field(description="files of the model and their hashes")
     libraries: dict[str, str] = Field(description="versions of the software that trained it")

@@ -45,7 +45,8 @@ class Spectrum:
         concepts: those of the time asked for, epsilon_max for none; they are the first C of all K.
         ids: (K,) int64: nodes in the merge tree, each once.
         sizes: (K,) int64: numbers of prototypes.
-        times: (K,) float64: the filtration time at which each was taken, of several the earliest.
+        times: (K,) float64: the filtration time at which each was taken: of the first C the time asked for, of the
+            others the earliest.
         membership: (K, N) float64 sparse: one over the concept's size where a prototype belongs to it.
     """
 

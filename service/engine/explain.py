@@ -65,7 +65,7 @@ class FiredVertex(NamedTuple):
         also_in: further hierarchies where a vertex of the very same motif prototypes fired; it is not told again.
         level: its motif level.
         words: of its motif, on level f of the dictionary.
-        stimulus: gamma of Eq. 1.
+        stimulus: gamma of Eq. 1, scaled by rank where the model is balanced.
         segments: of the constellation that excites it most.
         prototypes: how many motif prototypes it memorises, |T^v|.
         nearest: the training objects of the motif prototypes most like that constellation, by JSD in nats.
@@ -99,8 +99,9 @@ class Explanation(NamedTuple):
 
     Attributes:
         segments: of the object, by number.
-        vertices: the motif vertices that fired most, strongest first; of equal ones the first.
-        concepts: the best concepts, closest first.
+        vertices: the motif vertices that fired most, by how many times the
+            mean of their motif level; of equal ones the first.
+        concepts: the best concepts, as ranked.
         wholes: the training objects most like the object as a whole, by JSD in nats: its novelty is by the first.
     """
 
@@ -120,7 +121,7 @@ class Evidence(NamedTuple):
         stimuli: *gamma^o.
         distances: (N,): Mahalanobis distances from the training objects.
         divergences: (N,): JSD of the whole from those of the training objects, nats.
-        ranking: (C,): places of the concepts, closest first.
+        ranking: (K,): places of the concepts, best first.
     """
 
     seen: Perception
@@ -179,12 +180,20 @@ def _segments(evidence: Evidence, ensemble: Ensemble, prototypes: Prototypes) ->
 def _fired(evidence: Evidence, ensemble: Ensemble, prototypes: Prototypes) -> tuple[FiredVertex, ...]:
     """The strongest vertices; those of other hierarchies with the same motif prototypes are told of together."""
     places: dict[bytes, list[int]] = {}  # in the stimuli, by motif prototypes
-    for k in np.argsort(-evidence.stimuli.values, kind="stable").tolist():
+    for k in np.argsort(-_strength(evidence.stimuli, ensemble), kind="stable").tolist():
         same = places.setdefault(_memories(int(evidence.stimuli.indices[k]), ensemble).tobytes(), [])
         same.append(k)
         if len(places) > VERTICES:
             break
     return tuple(_account(same, evidence, ensemble, prototypes) for same in list(places.values())[:VERTICES])
+
+
+def _strength(stimuli: Stimuli, ensemble: Ensemble) -> NDArray[np.float64]:
+    """How many times the mean stimulus of its motif level each one is: levels of few vertices have larger ones."""
+    level = ensemble.vertex_levels
+    total = np.bincount(level[stimuli.indices], stimuli.values, minlength=int(level.max()) + 1)
+    mean = total / np.maximum(np.bincount(level), 1)
+    return np.asarray(stimuli.values / mean[level[stimuli.indices]])
 
 
 def _account(same: list[int], evidence: Evidence, ensemble: Ensemble, prototypes: Prototypes) -> FiredVertex:

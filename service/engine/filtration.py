@@ -25,7 +25,7 @@ class Filtration:
         order: (N - 1,) int64: the place of the annexation among all, earliest first.
         annexed: (N - 1,) int64: the representative of the component that dies: the smaller one.
         annexing: (N - 1,) int64: the representative of the component that sustains.
-        epsilon_max: the time of most annexations, at which concepts are taken.
+        epsilon_max: the middle of the stretch of time of most annexations, at which concepts are taken.
     """
 
     distance: NDArray[np.float64]

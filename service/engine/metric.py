@@ -22,7 +22,7 @@ class Metric:
         components: (k, V) float32: orthonormal.
         variance: (k,) float64: along each component.
         residual_variance: v, outside the components; infinite where only the subspace counts.
-        power: of vectors normalised to sum 1, to which they are compared; 1: raw vectors.
+        power: to which vectors normalised to sum 1 are raised before they are compared; 1: raw vectors.
     """
 
     weights: NDArray[np.float32]

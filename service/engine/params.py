@@ -73,13 +73,13 @@ class DescriptorParams(StageParams):
 
 
 class DictionaryParams(StageParams):
-    """The hierarchical dictionary of visual words."""
+    """The hierarchical dictionary of visual words. The paper has 4 levels."""
 
     levels: int = Field(6, ge=1, le=10, description="n: level f holds 2^f visual words; one motif hierarchy a level")
 
 
 class HierarchyParams(StageParams):
-    """Propagation of constellations."""
+    """Propagation of constellations. In the paper wholes stand on the level that they reach (`whole_apart` False)."""
 
     max_constellations: int = Field(
         24, ge=1, le=4096, description="constellations kept on one motif level; the largest stay, the rest is cut off"
@@ -114,7 +114,9 @@ class StimuliParams(StageParams):
     union_weight: float = Field(
         0.0, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
     )
-    whole_weight: float = Field(1.0, ge=0, le=100, description="of the vertices of whole objects, where balanced")
+    whole_weight: float = Field(
+        1.0, ge=0, le=100, description="of the vertices of the highest motif level, that of wholes, where balanced"
+    )
     cutoff: float = Field(1e-6, ge=0, lt=0.1, description="stimuli of less than this are stored as 0")
 
     @model_validator(mode="after")
@@ -141,7 +143,8 @@ class ResponseParams(StageParams):
     """Eq. 4: the metric between stimuli vectors, and the form of the response that is scored.
 
     The paper says Mahalanobis; with more dimensions than samples its covariance must be a subspace's ("subspace"),
-    or the full one regularised ("diagonal", "shrunk", "identity").
+    or the full one regularised ("diagonal", "shrunk", "identity"). The paper compares raw stimuli (`power` 1), scores
+    the mean distance (`score` "distance") and answers for the concepts at epsilon_max alone (`scales` 1).
     """
 
     metric: Literal["subspace", "diagonal", "shrunk", "identity"] = Field(

@@ -78,8 +78,8 @@ def accumulate(excitation: Excitation, ensemble: Ensemble, params: StimuliParams
     """The stimuli vector: one stimulus a vertex, of those of all constellations that activate it.
 
     Where motif levels are balanced, the stimuli of each rank, single segments, unions and wholes, are scaled to sum to
-    the rank's weight times the number of all vertices, so that they are about 1, and weak in no object. A rank that
-    an object has no constellation of stays 0.
+    the rank's weight times the number of all vertices: as much in every object, whatever it resembles. A rank that an
+    object has no constellation of stays 0.
     """
     pooled = _pool(excitation, params.pooling)
     gamma = (_balance(pooled, ensemble, params) if params.balanced else pooled).astype(np.float32)
@@ -133,5 +133,5 @@ def _balance(gamma: NDArray[np.float64], ensemble: Ensemble, params: StimuliPara
     for rank, weight in zip(ranks, (params.segment_weight, params.union_weight, params.whole_weight), strict=True):
         total = gamma[rank].sum()
         if total > 0:
-            out[rank] = gamma[rank] * (weight * len(gamma) / total)
+            out[rank] = gamma[rank] / total * (weight * len(gamma))
     return out

@@ -1,4 +1,4 @@
-"""How well responses tell real scans apart, choice by choice: models that differ in one parameter, of several seeds.
+"""How well responses tell real scans apart, choice by choice: models that differ in one choice, of several seeds.
 
 Trained on simulated objects alone; the labels judge. One choice at a time is changed back, and each arm is judged over
 all seeds, so that what is kept is kept for a figure and not for one lucky draw.
@@ -90,11 +90,11 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seeds", default="1-5", help="training seeds, first-last (1-5)")
     parser.add_argument("--arms", nargs="*", default=list(ARMS), choices=list(ARMS), metavar="ARM", help="all of them")
     asked = parser.parse_args(arguments)
-    first, last = map(int, asked.seeds.split("-"))
-    seeds = range(first, last + 1)
+    first, _, last = asked.seeds.partition("-")
+    seeds = range(int(first), int(last or first) + 1)
     print(f"{asked.objects} simulated objects, seeds {asked.seeds}: mean (standard deviation over the seeds)")
-    print(f"{'':38}{'scans: knn':>14}{'svm':>14}{'within':>14}{'assigned':>14}", end="")
-    print(f"{'rendered: knn':>15}{'svm':>14}{'within':>14}{'assigned':>14}{'occluded: knn':>15}{'svm':>14}")
+    print(f"{'':38}{'scans: knn':>15}{'svm':>15}{'within':>15}{'assigned':>15}", end="")
+    print(f"{'rendered: knn':>15}{'svm':>15}{'within':>15}{'assigned':>15}{'occluded: knn':>15}{'svm':>15}")
     default: list[Figures] = []
     for arm in dict.fromkeys([DEFAULT, *asked.arms]):
         figures = [judge_arm(arm, seed, asked.objects) for seed in seeds]
@@ -163,6 +163,11 @@ def _responses(model: ShapeModel, seen: Perception) -> NDArray[np.float64]:
 
 
 def _judge(sets: dict[str, Vectors], maps: int) -> Figures:
+    with threadpool_limits(1):  # as the evaluation does
+        return _judge_alone(sets, maps)
+
+
+def _judge_alone(sets: dict[str, Vectors], maps: int) -> Figures:
     recalled, regions = {}, {}
     for name in (JUDGE, "rendered"):
         samples = sets[name].samples(sets[name].judged)

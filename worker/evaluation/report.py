@@ -180,7 +180,9 @@ class Structure(_Part):
     time: list[float] = Field(description="of each edge: annexation time in [0, 1]; the deaths of the barcode")
     annexed: list[int] = Field(description="of each edge: representative of the component that dies")
     annexing: list[int] = Field(description="of each edge: representative of the component that sustains")
-    epsilon_max: float = Field(description="time of most annexations, at which concepts are taken")
+    epsilon_max: float = Field(
+        description="middle of the stretch of time of most annexations, at which concepts are taken"
+    )
     assignment: list[int] = Field(description="of each prototype: place of its concept in `concepts`, -1 for none")
     concepts: list[int] = Field(description="ids of the concepts, largest first")
 

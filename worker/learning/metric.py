@@ -55,7 +55,7 @@ def _principal_components(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """At most `limit` components (k, V), strongest first, their largest entries positive, and the variances (k,)."""
     size = rows.shape[0]
-    if limit >= min(rows.shape) // 2:
+    if limit >= min(rows.shape) // 2 or rows.nnz == 0:
         _, singular, components = np.linalg.svd(rows.toarray() - mean, full_matrices=False)
     else:
         centred = LinearOperator(

@@ -86,15 +86,15 @@ ANSWER: dict[str, Any] = {
     "truncated": False,
     "warnings": [],
     "timings_ms": {
-        "decode": 0.422,
-        "normalise": 5.341,
-        "patches": 1.017,
-        "segments": 7.264,
-        "constellations": 0.118,
-        "descriptors": 5.112,
-        "stimuli": 30.341,
+        "decode": 0.471,
+        "normalise": 2.147,
+        "patches": 1.01,
+        "segments": 9.163,
+        "constellations": 0.133,
+        "descriptors": 1.927,
+        "stimuli": 31.124,
         "novelty": 0.396,
-        "responses": 0.832,
+        "responses": 0.819,
     },
 }
 
@@ -191,7 +191,7 @@ READINESS: dict[str, Any] = {"model": "default", "version": 1, "models": ["defau
 MANIFEST: dict[str, Any] = {
     "name": "default",
     "version": 1,
-    "created": "2026-11-22T08:25:46Z",
+    "created": "2026-11-22T08:53:39Z",
     "format": "shape-concepts-model",
     "format_version": 3,
     "seed": 7,

@@ -104,7 +104,8 @@ def test_vertices_are_the_strongest_each_motif_prototypes_told_once(preset: str)
         response, explanation = explained(model, named.cloud)
         stimulus = dict(zip(*(part.tolist() for part in response.stimuli), strict=True))
         assert 0 < len(explanation.vertices) <= VERTICES
-        assert explanation.vertices[0].stimulus == max(stimulus.values())
+        strength = compared_with_its_level(stimulus, model)
+        assert strength[explanation.vertices[0].vertex] > max(strength.values()) * (1 - 1e-6)
         told: set[tuple[int, ...]] = set()
         for fired in explanation.vertices:
             hierarchy, place = place_of(fired, model)
@@ -118,12 +119,22 @@ def test_vertices_are_the_strongest_each_motif_prototypes_told_once(preset: str)
             for other in fired.also_in:
                 further = model.ensemble.hierarchies[other - 1]
                 assert any(memories(further, v) == own for v in range(len(further.vertices)))
-        weakest, first = explanation.vertices[-1].stimulus, 0
+        weakest, first = strength[explanation.vertices[-1].vertex], 0
         for hierarchy in model.ensemble.hierarchies:
             for place in range(len(hierarchy.vertices)):
-                if stimulus.get(first + place, 0) > weakest:
+                if strength.get(first + place, 0) > weakest * (1 + 1e-6):
                     assert tuple(memories(hierarchy, place)) in told
             first += len(hierarchy.vertices)
+
+
+def compared_with_its_level(stimulus: dict[int, float], model: ShapeModel) -> dict[int, float]:
+    """Each stimulus over the mean of all vertices of its motif level."""
+    levels = [level for h in model.ensemble.hierarchies for level, _ in h.vertices]
+    mean = {
+        level: sum(stimulus.get(v, 0.0) for v, other in enumerate(levels) if other == level) / levels.count(level)
+        for level in {levels[v] for v in stimulus}
+    }
+    return {v: value / mean[levels[v]] for v, value in stimulus.items()}
 
 
 @cache
