@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,20 @@ class Response:
     explanation: Explanation | None = None
 
 
+class Comparison(NamedTuple):
+    """An object among the training objects.
+
+    Attributes:
+        squared: (N,) float64: squared Mahalanobis distances from the training objects.
+        responses: (K,) float64: *CR_o, the form that is scored.
+        distances: (K,) float64: Eq. 4.
+    """
+
+    squared: NDArray[np.float64]
+    responses: NDArray[np.float64]
+    distances: NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class ShapeModel:
     """All that was learnt; immutable.
@@ -142,9 +156,7 @@ class ShapeModel:
         divergences = divergences_from(whole, self.ensemble, self.novelty_scale)
 
         on_stage("responses")
-        squared = squared_distances(stimuli, self.metric, self.embedded_prototypes)
-        spread = spread_of(spectrum, self.embedded_prototypes)
-        responses, distances = respond_to_concepts(squared, spectrum, spread, self.params.response)
+        squared, responses, distances = self.compare(stimuli, spectrum)
         ranking = rank_concepts(responses, spectrum)
 
         explanation, point_segments = None, None
@@ -172,6 +184,12 @@ class ShapeModel:
             point_segments=point_segments,
             explanation=explanation,
         )
+
+    def compare(self, stimuli: Stimuli, spectrum: Spectrum) -> Comparison:
+        """How far an object is from the training objects, by its stimuli, and its responses to the concepts."""
+        squared = squared_distances(stimuli, self.metric, self.embedded_prototypes)
+        spread = spread_of(spectrum, self.embedded_prototypes)
+        return Comparison(squared, *respond_to_concepts(squared, spectrum, spread, self.params.response))
 
     def concepts(self, time: float | None = None) -> Concepts:
         """The concepts at a filtration time; None for epsilon_max."""

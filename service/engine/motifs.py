@@ -6,6 +6,7 @@ Sec. Hierarchical Object Decomposition and Representation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,14 @@ from service.engine.segments import SegmentGraph
 
 Motif = tuple[int, tuple[int, ...]]
 """A motif level and the sorted visual words of a constellation: what a motif vertex is unique by."""
+
+
+class Rank(IntEnum):
+    """What a constellation is, however many segments its object has."""
+
+    SEGMENT = 0
+    UNION = 1
+    WHOLE = 2
 
 
 @dataclass(frozen=True)
@@ -90,6 +99,13 @@ class Ensemble:
     def vertex_levels(self) -> NDArray[np.int64]:
         """The motif level of each vertex (V,)."""
         return np.array([level for h in self.hierarchies for level, _ in h.vertices], dtype=np.int64)
+
+    @cached_property
+    def vertex_ranks(self) -> NDArray[np.int64]:
+        """The `Rank` of each vertex (V,), by its motif level; the highest of all but the first is that of wholes."""
+        level = self.vertex_levels
+        above = np.where(level < level.max(), Rank.UNION, Rank.WHOLE)
+        return np.where(level == 1, Rank.SEGMENT, above).astype(np.int64)
 
     @cached_property
     def mean_over_vertex(self) -> csr_array:

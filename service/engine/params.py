@@ -99,9 +99,10 @@ class StimuliParams(StageParams):
     """
 
     sigma: float = Field(0.1, gt=0, le=1, description="bandwidth of the kernel, nats of JSD")
-    gating: Literal["words", "level", "kernel"] = Field(
-        "level",
-        description="which vertices a constellation may activate: those of its motif, of its motif level, or all",
+    gating: Literal["words", "rank", "kernel"] = Field(
+        "rank",
+        description="which vertices a constellation may activate: those of its motif, of its rank (single segments, "
+        "unions, wholes), or all",
     )
     pooling: Literal["sum", "mean", "max"] = Field("mean", description="over the constellations that activate a vertex")
     coverage_power: float = Field(
@@ -112,7 +113,7 @@ class StimuliParams(StageParams):
     )
     segment_weight: float = Field(1.0, ge=0, le=100, description="of the vertices of motif level 1, where balanced")
     union_weight: float = Field(
-        0.0, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
+        0.02, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
     )
     whole_weight: float = Field(
         1.0, ge=0, le=100, description="of the vertices of the highest motif level, that of wholes, where balanced"

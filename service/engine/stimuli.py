@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.engine.divergence import jsd_matrix
-from service.engine.motifs import Constellations, Ensemble
+from service.engine.motifs import Constellations, Ensemble, Rank
 from service.engine.params import StimuliParams
 
 
@@ -98,11 +98,8 @@ def _activated(
     """Which constellation activates which vertex (C, V); None where all do."""
     if params.gating == "kernel":
         return None
-    if params.gating == "level":
-        on_level = np.zeros((len(constellations.members), int(ensemble.vertex_levels.max()) + 1), dtype=bool)
-        known = constellations.levels[constellations.levels[:, 0] < on_level.shape[1]]
-        on_level[known[:, 1], known[:, 0]] = True
-        return on_level[:, ensemble.vertex_levels]
+    if params.gating == "rank":
+        return _of_rank(constellations, int(ensemble.vertex_levels.max()))[:, ensemble.vertex_ranks]
     active = np.zeros((len(constellations.members), ensemble.vertex_count), dtype=bool)
     first = 0
     for hierarchy, column in zip(ensemble.hierarchies, words.T, strict=True):
@@ -112,6 +109,21 @@ def _activated(
                 active[c, first + vertex] = True
         first += len(hierarchy.vertices)
     return active
+
+
+def _of_rank(constellations: Constellations, top: int) -> NDArray[np.bool_]:
+    """Which constellation is of which rank (C, 3), for vertices of the motif levels 1 to `top`.
+
+    Of unions the whole object is the largest one, and that of a single segment its only one: unions tell what parts
+    look like together, never how many there are.
+    """
+    level, c = constellations.levels.T
+    of_rank = np.zeros((len(constellations.members), 3), dtype=bool)
+    of_rank[c[level == 1], Rank.SEGMENT] = True
+    of_rank[c[(level > 1) & (level < top)], Rank.UNION] = True
+    of_rank[:, Rank.UNION] |= constellations.members.all(axis=1)
+    of_rank[c[level == top], Rank.WHOLE] = True
+    return of_rank
 
 
 def _pool(excitation: Excitation, pooling: str) -> NDArray[np.float64]:
@@ -127,11 +139,15 @@ def _pool(excitation: Excitation, pooling: str) -> NDArray[np.float64]:
 
 def _balance(gamma: NDArray[np.float64], ensemble: Ensemble, params: StimuliParams) -> NDArray[np.float64]:
     """Stimuli of which each rank's sum to its weight times V."""
-    level, top = ensemble.vertex_levels, int(ensemble.vertex_levels.max())
-    ranks = (level == 1, (level > 1) & (level < top), (level > 1) & (level == top))
     out = np.zeros_like(gamma)
-    for rank, weight in zip(ranks, (params.segment_weight, params.union_weight, params.whole_weight), strict=True):
-        total = gamma[rank].sum()
+    weights = {
+        Rank.SEGMENT: params.segment_weight,
+        Rank.UNION: params.union_weight,
+        Rank.WHOLE: params.whole_weight,
+    }
+    for rank, weight in weights.items():
+        of_rank = ensemble.vertex_ranks == rank
+        total = gamma[of_rank].sum()
         if total > 0:
-            out[rank] = gamma[rank] / total * (weight * len(gamma))
+            out[of_rank] = gamma[of_rank] / total * (weight * len(gamma))
     return out

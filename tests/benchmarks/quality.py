@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from service import clouds
-from service.engine.concepts import respond_to_concepts, spread_of, squared_distances
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 from service.engine.perception import Perception, perceive
@@ -157,9 +156,7 @@ def _responses(model: ShapeModel, seen: Perception) -> NDArray[np.float64]:
     """What `ShapeModel.respond` answers for an object that was perceived already."""
     words = model.dictionary.words(seen.segment_descriptors)
     stimuli = stimulate(model.ensemble, seen.constellations, seen.descriptors, words, model.params.stimuli)
-    squared = squared_distances(stimuli, model.metric, model.embedded_prototypes)
-    spread = spread_of(model.spectrum(), model.embedded_prototypes)
-    return respond_to_concepts(squared, model.spectrum(), spread, model.params.response)[0]
+    return model.compare(stimuli, model.spectrum()).responses
 
 
 def _judge(sets: dict[str, Vectors], maps: int) -> Figures:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -13,12 +14,23 @@ from threadpoolctl import threadpool_limits
 from service.engine.errors import InvalidParameter
 from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.model_file import TENSORS, Manifest
-from worker.evaluation import baselines, bootstrap, grouping, one_instance, parts, protocols, regions, robustness
+from worker.evaluation import (
+    ablation,
+    baselines,
+    bootstrap,
+    grouping,
+    one_instance,
+    parts,
+    protocols,
+    regions,
+    robustness,
+)
+from worker.evaluation.ablation import LabelledStimuli
 from worker.evaluation.answering import Answered, AnsweredSet, Count, answer
-from worker.evaluation.judgement import judge, judge_others, mean_figures
+from worker.evaluation.judgement import Recalled, judge, judge_others, mean_figures
 from worker.evaluation.labels import LEAST, OTHER, judged, read_labels
 from worker.evaluation.protocols import Samples
-from worker.evaluation.report import Grouping, JudgedModel, Matrices, OtherSet, Report, Robustness
+from worker.evaluation.report import Grouping, JudgedModel, Matrices, Report, Robustness
 from worker.evaluation.vector_files import VectorFile
 
 RESPONSES = "responses"  # what the model's own vectors are called beside the baselines'
@@ -26,7 +38,16 @@ DESCRIPTIONS = {
     "judged": f"categories of at least {LEAST} answered clouds, but not '{OTHER}'",
     "intervals": bootstrap.DESCRIPTION,
     "transfer": one_instance.DESCRIPTION,
+    "motif levels": ablation.DESCRIPTION,
 }
+
+
+class JudgedOther(NamedTuple):
+    """The clouds of another set that are judged, and what is predicted for them by the model, and by each baseline."""
+
+    kept: list[Answered]
+    own: Recalled
+    rivals: dict[str, Recalled]
 
 
 @dataclass(frozen=True)
@@ -92,6 +113,16 @@ def evaluate(
     on_stage("other sets")
     judged_others = [_judge_other(each, samples, request.vectors) for each in others]
 
+    on_stage("motif levels")
+    ablated = ablation.ablate(
+        model,
+        [
+            _stimuli_of(answered, kept, own.recalled),
+            *(_stimuli_of(each, of.kept, of.own) for each, of in zip(others, judged_others, strict=True)),
+        ],
+        count,
+    )
+
     on_stage("grouping")
     labels_of = {each.seen.digest: each.cloud.category for each in answered.answered}
     grouped = _judge_grouping(model, answered, labels_of, request.vectors)
@@ -133,7 +164,11 @@ def evaluate(
         grouping=grouped,
         structure=parts.structure_of(model, labels_of),
         transfer=taught,
-        others=judged_others,
+        others=[
+            parts.other_set(parts.data_of(each, of.kept), of.own, of.rivals)
+            for each, of in zip(others, judged_others, strict=True)
+        ],
+        ablation=ablated,
         robustness=_robustness(answered) if request.robustness else None,
     )
 
@@ -161,19 +196,18 @@ def _samples(clouds: Sequence[Answered], files: Sequence[VectorFile]) -> dict[st
     return {name: Samples(each, labels, groups) for name, each in vectors.items()}
 
 
-def _judge_other(answered: AnsweredSet, samples: Mapping[str, Samples], files: Sequence[VectorFile]) -> OtherSet:
+def _judge_other(answered: AnsweredSet, samples: Mapping[str, Samples], files: Sequence[VectorFile]) -> JudgedOther:
     """Judges another set's clouds of the labels that the first set has, by the model and each baseline."""
     kept = [each for each in answered.answered if each.cloud.category in samples[RESPONSES].labels]
     if not kept:
         raise InvalidParameter(f"No cloud of {answered.table} has a label that is judged: {_labels(samples)}.")
     known = [file for file in files if file.has([each.cloud.file for each in kept])]
     recalled = {name: judge_others(samples[name], each) for name, each in _samples(kept, known).items()}
-    own = recalled.pop(RESPONSES)
-    return OtherSet(
-        data=parts.data_of(answered, kept),
-        model=parts.other_figures(own),
-        baselines={name: parts.other_figures(each, own) for name, each in recalled.items()},
-    )
+    return JudgedOther(kept, recalled.pop(RESPONSES), recalled)
+
+
+def _stimuli_of(answered: AnsweredSet, kept: Sequence[Answered], recalled: Recalled) -> LabelledStimuli:
+    return LabelledStimuli(str(answered.table), [each.stimuli for each in kept], recalled)
 
 
 def _judge_grouping(

@@ -93,10 +93,16 @@ def judge(samples: Samples) -> Judgement:
         maps = [draw_response_map(samples.vectors, seed) for seed in range(MAPS)]
         return Judgement(
             size=samples.vectors.shape[1],
-            recalled=Recalled(samples.labels, samples.groups, nearest_neighbour(samples), support_vectors(samples)),
+            recalled=judge_recalls(samples),
             map=maps[0],
             regions=region_matrices(maps, samples.labels),
         )
+
+
+def judge_recalls(samples: Samples) -> Recalled:
+    """Follows the protocols that need no map; on one thread."""
+    with threadpool_limits(1):
+        return Recalled(samples.labels, samples.groups, nearest_neighbour(samples), support_vectors(samples))
 
 
 def judge_others(samples: Samples, others: Samples) -> Recalled:

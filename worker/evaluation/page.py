@@ -11,6 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from service.engine.model import ShapeModel
+from worker.evaluation.figures.ablation import ablation_figure
 from worker.evaluation.figures.annexation import annexation_figure
 from worker.evaluation.figures.baselines import baseline_figure, label_table, other_figure, source_table
 from worker.evaluation.figures.concepts import concept_figure, ranked_figure
@@ -73,6 +74,7 @@ def _sections(report: Report, thumbnails: NDArray[np.uint8], embedded: NDArray[n
     palette = palette_of(report)
     return (
         Section("labels", "How well labels can be told", (baseline_figure(report),), _tables(report)),
+        Section("parts", "What the parts pay", (ablation_figure(report),) if report.ablation else ()),
         Section("regions", "The map of responses", _map(report, palette)),
         Section("learnt", "What was learnt", _learnt(report, thumbnails, embedded, palette)),
         Section("beyond", "One example, other clouds, disturbed clouds", _beyond(report)),

@@ -17,6 +17,7 @@ from worker.evaluation.report import (
     Baseline,
     Data,
     OtherFigures,
+    OtherSet,
     Place,
     RegionGrid,
     ResponseMap,
@@ -96,8 +97,16 @@ def baseline_of(description: str, judgement: Judgement, own: Judgement) -> Basel
     )
 
 
-def other_figures(recalled: Recalled, own: Recalled | None = None) -> OtherFigures:
-    """Another set's clouds; `own` are the model's predictions for them, where these are a baseline's."""
+def other_set(data: Data, own: Recalled, rivals: Mapping[str, Recalled]) -> OtherSet:
+    """Another set's clouds: what the model predicts for them, and what the baselines do."""
+    return OtherSet(
+        data=data,
+        model=_other_figures(own),
+        baselines={name: _other_figures(each, own) for name, each in rivals.items()},
+    )
+
+
+def _other_figures(recalled: Recalled, own: Recalled | None = None) -> OtherFigures:
     return OtherFigures(
         intervals=recalled.intervals(),
         by_label=recalled.by_label(),

@@ -223,6 +223,24 @@ class OtherSet(_Part):
     baselines: dict[str, OtherFigures]
 
 
+class AblatedSet(_Part):
+    """How well a set's labels are told by what is left of a model; the first set judges all."""
+
+    name: str = Field(description="the set's labels' file")
+    intervals: Intervals
+    ahead: Intervals = Field(description="how far the whole model is ahead of what is left of it")
+
+
+class Ablated(_Part):
+    """What is left of a model when it is learnt anew from some motif levels alone."""
+
+    name: str = Field(description="what is left of the hierarchies")
+    levels: list[int] = Field(description="the motif levels that are left")
+    vertices: int = Field(description="motif vertices on those levels")
+    concepts: int = Field(description="concepts at its own epsilon_max")
+    sets: list[AblatedSet] = Field(description="the judged set first, then the other sets in their order")
+
+
 class Strength(_Part):
     """What becomes of the best concepts at one strength of a disturbance."""
 
@@ -267,6 +285,7 @@ class Report(_Part):
     structure: Structure | None = Field(default=None, description="of the model")
     transfer: Transfer | None = Field(default=None, description="one instance a label")
     others: list[OtherSet] = Field(default=[], description="other sets of clouds, judged by this one")
+    ablation: list[Ablated] = Field(default=[], description="the model with motif levels taken away, arm by arm")
     robustness: Robustness | None = Field(default=None, description="null where it was not asked for")
 
 

@@ -12,11 +12,14 @@ from threadpoolctl import threadpool_limits
 
 from service.engine.dictionary import Dictionary
 from service.engine.errors import NotEnoughSamples
+from service.engine.filtration import Filtration
+from service.engine.metric import Metric
 from service.engine.model import ShapeModel
 from service.engine.motifs import Ensemble
 from service.engine.params import ModelParams, StimuliParams
 from service.engine.perception import OnStage, ignore_stage
 from service.engine.prototypes import Prototypes
+from service.engine.space import TopologicalSpace
 from service.engine.stimuli import Stimuli, stimulate
 from worker.learning.concepts import extract_concepts
 from worker.learning.dictionary import learn_dictionary
@@ -36,6 +39,15 @@ class Trained(NamedTuple):
 
     model: ShapeModel
     refused: tuple[Refusal, ...]
+
+
+class Conceived(NamedTuple):
+    """The parts of a `ShapeModel` that follow from the training objects' stimuli."""
+
+    space: TopologicalSpace
+    filtration: Filtration
+    metric: Metric
+    notes: tuple[str, ...]
 
 
 def train(
@@ -74,17 +86,7 @@ def learn(
         on_stage("stimuli")
         stimuli = _stimulate_all(objects, dictionary, ensemble, params.stimuli)
 
-        on_stage("topological space")
-        space = build_space(stimuli)
-
-        on_stage("filtration")
-        filtration = filtrate(space, params.filtration)
-
-        on_stage("concepts")
-        filtration, notes = extract_concepts(filtration)
-
-        on_stage("metric")
-        metric = learn_metric(stimuli, params.response)
+        conceived = conceive(stimuli, params, on_stage)
 
         on_stage("novelty")
         novelty_scale = learn_novelty(objects, ensemble)
@@ -94,20 +96,32 @@ def learn(
             cloud_keys=tuple(o.key for o in objects),
             cloud_hashes=tuple(o.digest for o in objects),
             thumbnails=np.stack([o.thumbnail for o in objects]),
-            map=draw_map(metric.embed(stimuli), seed),
+            map=draw_map(conceived.metric.embed(stimuli), seed),
         )
     return ShapeModel(
         params=params,
         dictionary=dictionary,
         ensemble=ensemble,
         stimuli=stimuli,
-        space=space,
-        filtration=filtration,
-        metric=metric,
         novelty_scale=novelty_scale,
         prototypes=prototypes,
-        notes=notes,
+        **conceived._asdict(),
     )
+
+
+def conceive(stimuli: csr_array, params: ModelParams, on_stage: OnStage = ignore_stage) -> Conceived:
+    """What is learnt from the training objects' stimuli (N, V) alone: space, filtration, concepts and metric."""
+    on_stage("topological space")
+    space = build_space(stimuli)
+
+    on_stage("filtration")
+    filtration = filtrate(space, params.filtration)
+
+    on_stage("concepts")
+    filtration, notes = extract_concepts(filtration)
+
+    on_stage("metric")
+    return Conceived(space, filtration, learn_metric(stimuli, params.response), notes)
 
 
 def _observe_all(clouds: Iterable[NamedCloud], params: ModelParams) -> tuple[list[Observation], tuple[Refusal, ...]]:

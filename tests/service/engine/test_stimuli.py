@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -19,7 +18,7 @@ from tests.learnt import PRESETS, learnt, named_clouds, perceived
 from tests.shapes import ball, look, see
 from worker.learning.hierarchy import grow_ensemble
 
-GATINGS, POOLINGS = ("words", "level", "kernel"), ("sum", "mean", "max")
+GATINGS, POOLINGS = ("words", "rank", "kernel"), ("sum", "mean", "max")
 
 
 def jsd(p: NDArray[np.float32], q: NDArray[np.float32]) -> float:
@@ -90,6 +89,10 @@ def plain_divergences(which: int) -> NDArray[np.float64]:
     return np.array([[jsd(a, b) for b in learnt().ensemble.prototypes] for a in seen_objects()[which].descriptors])
 
 
+def rank_of(level: int, top: int) -> str:
+    return "segment" if level == 1 else "whole" if level == top else "union"
+
+
 def plain_stimuli(which: int, words: NDArray[np.int64], ensemble: Ensemble, params: StimuliParams) -> list[float]:
     """Eq. 1 for each vertex of each hierarchy, and the pooling of what several constellations excite."""
     constellations, gamma, rank = seen_objects()[which].constellations, [], []
@@ -98,16 +101,16 @@ def plain_stimuli(which: int, words: NDArray[np.int64], ensemble: Ensemble, para
     top = max(level for h in ensemble.hierarchies for level, _ in h.vertices)
     for f, hierarchy in enumerate(ensemble.hierarchies):
         occurs: dict[tuple[int, tuple[int, ...]], set[int]] = {}
-        on_level: dict[int, set[int]] = {}
+        of_rank = {"segment": set(), "union": {int(constellations.members.all(axis=1).argmax())}, "whole": set()}
         for level, c in constellations.levels.tolist():
             members = np.flatnonzero(constellations.members[c])
             occurs.setdefault((level, tuple(sorted(words[members, f].tolist()))), set()).add(c)
-            on_level.setdefault(level, set()).add(c)
+            of_rank[rank_of(level, top)].add(c)
         memory = hierarchy.prototypes.toarray()
         for v, motif in enumerate(hierarchy.vertices):
             exciting = {
                 "words": occurs.get(motif, set()),
-                "level": on_level.get(motif[0], set()),
+                "rank": of_rank[rank_of(motif[0], top)],
                 "kernel": set(range(len(weight))),
             }[params.gating]
             alphas = [weight[c] * np.mean([kernel[c, t] for t in np.flatnonzero(memory[v])]) for c in exciting]
@@ -115,7 +118,7 @@ def plain_stimuli(which: int, words: NDArray[np.int64], ensemble: Ensemble, para
             if params.pooling == "mean" and exciting:
                 total /= sum(weight[c] for c in exciting)
             gamma.append(float(total))
-            rank.append("segment" if motif[0] == 1 else "whole" if motif[0] == top else "union")
+            rank.append(rank_of(motif[0], top))
     if params.balanced:
         for name in ("segment", "union", "whole"):
             total = sum(g for g, r in zip(gamma, rank, strict=True) if r == name)
@@ -149,8 +152,9 @@ def test_stimuli_are_those_of_eq_1(gating: str, pooling: str, balanced: bool):
 
 
 @pytest.mark.parametrize("power", [0.0, 2.0])
-def test_with_the_gate_of_levels_a_constellation_excites_no_vertex_of_another_level(power: float):
+def test_with_the_gate_of_ranks_a_constellation_excites_no_vertex_of_another_rank(power: float):
     ensemble, refused = learnt().ensemble, 0
+    top = int(ensemble.vertex_levels.max())
     for seen in seen_objects():
         words = learnt().dictionary.words(seen.segment_descriptors)
         gated, free = (
@@ -161,39 +165,36 @@ def test_with_the_gate_of_levels_a_constellation_excites_no_vertex_of_another_le
                 words,
                 StimuliParams(sigma=0.08, gating=g, coverage_power=power),
             )
-            for g in ("level", "kernel")
+            for g in ("rank", "kernel")
         )
-        occurs = {(level, c) for level, c in seen.constellations.levels.tolist()}
+        occurs = {(rank_of(level, top), c) for level, c in seen.constellations.levels.tolist()}
+        occurs.add(("union", int(seen.constellations.members.all(axis=1).argmax())))
         for c, row in enumerate(gated.alpha):
-            allowed = np.array([(level, c) in occurs for level in ensemble.vertex_levels.tolist()])
+            allowed = np.array([(rank_of(level, top), c) in occurs for level in ensemble.vertex_levels.tolist()])
             assert not row[~allowed].any()
             assert np.array_equal(row[allowed], free.alpha[c][allowed])
             refused += int((free.alpha[c][~allowed] > 0).sum())
     assert refused > 0
 
 
-def test_a_level_that_no_training_object_has_excites_nothing():
-    seen, params = seen_objects()[2], StimuliParams(gating="level", balanced=True, cutoff=0)
-    beyond = np.add(seen.constellations.levels, [100, 0])
-    alien = replace(seen, constellations=replace(seen.constellations, levels=beyond))
-    assert not stimulated(alien, params).any()
-    assert stimulated(seen, params).any()
+def test_unions_do_not_tell_how_many_segments_an_object_has():
+    """Every object excites unions as much as any other, those of one segment by themselves."""
+    params = StimuliParams(sigma=0.08, cutoff=0, segment_weight=0, union_weight=1, whole_weight=0)
+    for seen in seen_objects():
+        assert stimulated(seen, params).sum() == pytest.approx(learnt().ensemble.vertex_count, rel=1e-5)
 
 
-def test_each_rank_is_balanced_to_its_weight_and_one_without_a_constellation_stays_silent():
+def test_each_rank_is_balanced_to_its_weight():
     level = learnt().ensemble.vertex_levels
     ranks = {"segment_weight": level == 1, "union_weight": (level > 1) & (level < level.max())}
     ranks["whole_weight"] = level == level.max()
     assert all(rank.any() for rank in ranks.values())
     for weights in (WEIGHTS, {"segment_weight": 3.0, "union_weight": 0.0, "whole_weight": 0.25}):
-        params = StimuliParams(sigma=0.08, gating="level", pooling="mean", balanced=True, cutoff=0, **weights)
+        params = StimuliParams(sigma=0.08, cutoff=0, **weights)
         for seen in seen_objects():
             vector = stimulated(seen, params)
-            own = set(seen.constellations.levels[:, 0].tolist())
             for name, rank in ranks.items():
-                expected = weights[name] * len(level) if own & set(level[rank].tolist()) else 0
-                assert vector[rank].sum() == pytest.approx(expected, rel=1e-5)
-        assert not stimulated(single(), params)[ranks["union_weight"]].any()
+                assert vector[rank].sum() == pytest.approx(weights[name] * len(level), rel=1e-5)
 
 
 def test_where_all_that_was_learnt_is_single_segments_they_are_segments_and_not_wholes():
@@ -213,7 +214,7 @@ def test_where_all_that_was_learnt_is_single_segments_they_are_segments_and_not_
 def test_balance_changes_no_proportion_within_a_rank():
     level = learnt().ensemble.vertex_levels
     loud, plain = (
-        stimulated(seen_objects()[2], StimuliParams(gating="level", pooling="max", cutoff=0, balanced=b, **WEIGHTS))
+        stimulated(seen_objects()[2], StimuliParams(pooling="max", cutoff=0, balanced=b, **WEIGHTS))
         for b in (True, False)
     )
     for rank in (level == 1, (level > 1) & (level < level.max()), level == level.max()):

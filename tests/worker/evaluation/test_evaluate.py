@@ -162,6 +162,20 @@ def test_another_set_is_judged_by_the_first(report: Report) -> None:
     assert all(baseline.ahead is not None for baseline in other.baselines.values())
 
 
+def test_every_motif_level_is_judged_alone_and_every_rank_is_left_out_once(report: Report) -> None:
+    arms = {arm.name: arm for arm in report.ablation}
+    assert set(arms) >= {"single segments alone", "the whole object alone", "unions alone"}
+    assert set(arms) >= {"all but single segments", "all but unions", "all but the whole object"}
+    alone, others = arms["the whole object alone"], arms["all but the whole object"]
+    assert not set(alone.levels) & set(others.levels)
+    for arm in arms.values():
+        assert len(arm.sets) == 1 + len(report.others)
+        for found, whole in zip(arm.sets, (report.intervals, report.others[0].model.intervals), strict=True):
+            assert whole is not None
+            lead = whole.knn.value - found.intervals.knn.value
+            assert found.ahead.knn.value == pytest.approx(lead)
+
+
 def test_one_instance_a_label_is_tried_with_the_responses_and_every_baseline(report: Report) -> None:
     assert report.transfer is not None
     assert set(report.transfer.rivals) == {"responses", *report.baselines}

@@ -26,6 +26,7 @@ from worker.evaluation.report import Report, SourceFigures
 SIZE = 60
 EVERY_FIGURE = (
     "baselines",
+    "ablation",
     "map",
     "matrices",
     "space",

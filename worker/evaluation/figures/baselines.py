@@ -78,7 +78,7 @@ def _figure_table(report: Report) -> Table:
 
 def _ahead_table(report: Report) -> Table:
     rows = [
-        (name, *(_lead(getattr(baseline.ahead, figure)) for figure in RECALLS))
+        (name, *(lead(getattr(baseline.ahead, figure)) for figure in RECALLS))
         for name, baseline in report.baselines.items()
     ]
     heading = "How far this model is ahead (+) or behind (−), with 95 % intervals over the same clouds"
@@ -99,5 +99,6 @@ def _numbers(figures: Figures) -> tuple[str, ...]:
     return tuple(f"{value:.3f}" for value in figures.model_dump().values())
 
 
-def _lead(interval: Interval) -> str:
+def lead(interval: Interval) -> str:
+    """A difference and its interval, in words."""
     return f"{signed(interval.value, 3)} ({signed(interval.low, 3)} to {signed(interval.high, 3)})"

@@ -14,6 +14,8 @@ from scipy.sparse import csr_array
 from service.engine.concepts import concepts_at
 from service.engine.params import FiltrationParams
 from worker.evaluation.report import (
+    Ablated,
+    AblatedSet,
     Baseline,
     ConceptPurity,
     Curve,
@@ -188,6 +190,7 @@ def whole_report(size: int = 60, labels: tuple[str, ...] = LABELS) -> Report:
     bare, spread = bare_report(labels), Spread(mean=0.6, deviation=0.05, low=0.5, high=0.7)
     recalls = Intervals(knn=interval(0.7), svm=interval(0.6))
     of = structure(size, labels)
+    left = AblatedSet(name="scans/labels.csv", intervals=recalls, ahead=recalls)
     curve = Curve(
         name="scaled",
         description="all coordinates times a factor",
@@ -197,6 +200,7 @@ def whole_report(size: int = 60, labels: tuple[str, ...] = LABELS) -> Report:
     return bare.model_copy(
         update={
             "intervals": Intervals(knn=interval(0.8), svm=interval(0.7)),
+            "ablation": [Ablated(name="unions alone", levels=[2, 3], vertices=70, concepts=4, sets=[left, left])],
             "baselines": {"mean FPFH": baseline(four(0.9), bare.figures), "ESF": baseline(four(0.6), bare.figures)},
             "map": response_map(labels),
             "structure": of,
