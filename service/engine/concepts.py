@@ -133,9 +133,10 @@ def respond_to_concepts(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """An object's responses to all concepts.
 
-    The mean squared distance to a concept's prototypes is that to their mean, and their spread about it: taken off,
-    the spread no longer ranks tight concepts before wide ones. What an object has of all concepts alike, being far
-    from everything, is taken off too.
+    The score "discriminant" is that of linear discriminant analysis: the squared distance to the mean of a concept's
+    prototypes less twice the logarithm of its size, which is how likely an object is one of its kind beforehand. The
+    former is the mean squared distance to the prototypes less their own spread, so that tight concepts do not rank
+    before wide ones. What an object has of all concepts alike, being far from everything, is taken off too.
 
     Args:
         squared: (N,) squared Mahalanobis distances of the object from the concept prototypes.
@@ -150,10 +151,8 @@ def respond_to_concepts(
     distances = np.asarray(spectrum.membership @ np.sqrt(squared))
     if params.score == "distance" or len(distances) == 0:
         return distances, distances
-    mean_squared = spectrum.membership @ squared
-    if params.score == "centred":
-        mean_squared = mean_squared - spread
-    return mean_squared - mean_squared.mean(), distances
+    discriminants = spectrum.membership @ squared - spread - 2 * np.log(spectrum.sizes)
+    return discriminants - discriminants.mean(), distances
 
 
 def rank_concepts(responses: NDArray[np.float64], spectrum: Spectrum) -> NDArray[np.int64]:

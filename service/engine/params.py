@@ -158,10 +158,11 @@ class ResponseParams(StageParams):
         le=1,
         description="stimuli normalised to sum 1 are compared after this power: 0.5 is Hellinger's; 1: raw stimuli",
     )
-    score: Literal["centred", "relative", "distance"] = Field(
-        "centred",
-        description="'distance': Eq. 4; 'relative': mean squared distance less its mean over all concepts; 'centred': "
-        "each concept's own spread taken off first, so that tight concepts do not always rank first",
+    score: Literal["discriminant", "distance"] = Field(
+        "discriminant",
+        description="'distance': Eq. 4; 'discriminant': squared distance to the concept's mean less twice the "
+        "logarithm of its size, less the mean of that over all concepts, so that neither tight nor tiny concepts "
+        "always rank first",
     )
     scales: int = Field(
         10,

@@ -58,11 +58,15 @@ def thin(cloud: PointCloud, whole: SegmentGraph, factor: float, rng: np.random.G
 
 
 def blur(cloud: PointCloud, whole: SegmentGraph, factor: float, rng: np.random.Generator) -> PointCloud:
-    """Noise along the line of sight, beside what the cloud already has: `factor` times the sensor's deviation."""
+    """Noise along the line of sight, `factor` times what the cloud already has, which is taken for the sensor's own.
+
+    Variances add up: a cloud with the deviation s has f s after sqrt(f^2 - 1) s more.
+    """
     points = cloud.points.astype(np.float64)
     depth = np.maximum(np.abs(points[:, 2]), 1e-3)
     deviation = axial_sigma(depth, np.minimum(_angles(points, whole), GRAZING))
-    read = 1 + factor * deviation * rng.standard_normal(len(points)) / depth
+    more = np.sqrt(factor**2 - 1)
+    read = 1 + more * deviation * rng.standard_normal(len(points)) / depth
     return PointCloud((points * read[:, None]).astype(np.float32))
 
 
@@ -90,11 +94,11 @@ DISTURBANCES = (
     Disturbance("thinned", "one of so many points is left, drawn at random", "", 1, (2, 3, 5, 10), thin),
     Disturbance(
         "noisier",
-        "noise along the line of sight beside the cloud's own, in standard deviations of a Kinect (Nguyen et al. 2012) "
-        "at that distance and angle",
-        "deviations",
-        0,
-        (0.5, 1, 1.5, 2),
+        "noise is added along the line of sight until there is as many times as much as a Kinect has at that distance "
+        "and angle (Nguyen et al. 2012)",
+        "",
+        1,
+        (1.25, 1.5, 2),
         blur,
     ),
     Disturbance(

@@ -242,18 +242,6 @@ def test_responses_are_the_mean_distances_of_eq_4(known: np.ndarray, query: np.n
 
 
 @several_scales
-def test_relative_responses_are_mean_squared_distances_less_their_mean(
-    known: np.ndarray, query: np.ndarray, scales: int
-):
-    spectrum = spectrum_at(filtration(4, SIZE), None, scales)
-    scored, distances = respond(query, known, spectrum, "relative")
-    squared = over_members(((query - known.astype(float)) ** 2).sum(axis=1), spectrum)
-    assert np.allclose(scored, squared - squared.mean(), atol=1e-6)
-    assert np.array_equal(distances, respond(query, known, spectrum, "distance")[1])
-    assert not np.allclose(scored, distances)
-
-
-@several_scales
 def test_the_spread_is_the_mean_squared_distance_from_a_concepts_mean(known: np.ndarray, scales: int):
     spectrum = spectrum_at(filtration(4, SIZE), None, scales)
     stored = known.astype(float)
@@ -267,18 +255,18 @@ def test_the_spread_is_the_mean_squared_distance_from_a_concepts_mean(known: np.
 
 
 @several_scales
-def test_centred_responses_are_squared_distances_to_the_means_of_concepts_less_their_mean(
+def test_discriminants_are_squared_distances_to_the_means_of_concepts_less_their_log_sizes(
     known: np.ndarray, query: np.ndarray, scales: int
 ):
     spectrum = spectrum_at(filtration(4, SIZE), None, scales)
-    scored, distances = respond(query, known, spectrum, "centred")
-    centres = [known[spectrum.members(c)].astype(float).mean(axis=0) for c in range(len(spectrum.ids))]
-    to_centres = np.array([((query - centre) ** 2).sum() for centre in centres])
-    assert np.allclose(scored, to_centres - to_centres.mean(), atol=1e-6)
+    scored, distances = respond(query, known, spectrum, "discriminant")
+    members = [known[spectrum.members(c)].astype(float) for c in range(len(spectrum.ids))]
+    expected = np.array([((query - own.mean(axis=0)) ** 2).sum() - 2 * np.log(len(own)) for own in members])
+    assert np.allclose(scored, expected - expected.mean(), atol=1e-6)
     assert np.array_equal(distances, respond(query, known, spectrum, "distance")[1])
 
 
-def test_a_wide_concept_around_an_object_comes_before_a_tight_one_beside_it_only_where_centred():
+def test_a_wide_concept_around_an_object_comes_before_a_tight_one_beside_it_only_by_discriminants():
     """Two prototypes 2 to the left and right of the object, two others 1.5 above it."""
     places = np.array([[-2.0, 0], [2, 0], [0, 1.5], [0, 1.5]])
     f = Filtration(
@@ -289,12 +277,33 @@ def test_a_wide_concept_around_an_object_comes_before_a_tight_one_beside_it_only
     squared, spread = (places**2).sum(axis=1), spread_of(spectrum, places)
     first = {
         score: int(np.argmin(respond_to_concepts(squared, spectrum, spread, ResponseParams(score=score))[0]))
-        for score in ("distance", "relative", "centred")
+        for score in ("distance", "discriminant")
     }
-    assert first == {"distance": 1, "relative": 1, "centred": 0}
+    assert first == {"distance": 1, "discriminant": 0}
 
 
-@pytest.mark.parametrize("score", ["distance", "relative", "centred"])
+def test_of_two_concepts_as_near_the_larger_comes_first_only_by_discriminants():
+    """Three prototypes 1 to the left of the object, two others 0.9 to the right."""
+    places = np.array([[-1.0], [-1], [-1], [0.9], [0.9]])
+    f = Filtration(
+        np.array([0.1, 0.1, 0.1, 1]),
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.arange(4),
+        np.array([1, 2, 4, 3]),
+        np.array([0, 0, 3, 0]),
+        0.0,
+    )
+    spectrum = spectrum_at(f, None, 1)
+    assert spectrum.sizes.tolist() == [3, 2]
+    squared, spread = (places**2).sum(axis=1), spread_of(spectrum, places)
+    first = {
+        score: int(np.argmin(respond_to_concepts(squared, spectrum, spread, ResponseParams(score=score))[0]))
+        for score in ("distance", "discriminant")
+    }
+    assert first == {"distance": 1, "discriminant": 0}
+
+
+@pytest.mark.parametrize("score", ["distance", "discriminant"])
 def test_without_concepts_there_are_no_responses(score: str):
     spectrum = spectrum_at(late(), 0.5, 1)
     scored, distances = respond_to_concepts(np.ones(10), spectrum, np.zeros(0), ResponseParams(score=score))
@@ -304,7 +313,7 @@ def test_without_concepts_there_are_no_responses(score: str):
 @pytest.mark.parametrize("power", [1.0, 0.5, 0.25])
 def test_stimuli_of_zeros_have_an_answer(known: np.ndarray, power: float):
     spectrum = spectrum_at(filtration(4, SIZE), None, 6)
-    scored, distances = respond(np.zeros(VERTICES), known, spectrum, "centred", euclid(VERTICES, power))
+    scored, distances = respond(np.zeros(VERTICES), known, spectrum, "discriminant", euclid(VERTICES, power))
     assert np.isfinite(scored).all()
     assert (distances > 0).all()
 

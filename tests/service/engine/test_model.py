@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from sklearn.covariance import LedoitWolf
 from sklearn.decomposition import PCA
 
@@ -167,14 +168,15 @@ def test_an_answer_of_several_scales_begins_with_that_of_epsilon_max_alone():
         assert not np.isin(long.concept_ids[own:], short.concept_ids).any()
 
 
-def test_centred_responses_are_relative_ones_less_each_concepts_own_spread():
+def test_discriminants_follow_from_the_prototypes_of_concepts():
     stored, spectrum = learnt().embedded_prototypes, learnt().spectrum()
-    own = [stored[spectrum.members(c)] for c in range(len(spectrum.ids))]
-    spread = np.array([((rows - rows.mean(axis=0)) ** 2).sum(axis=1).mean() for rows in own])
+    means = np.array([stored[spectrum.members(c)].mean(axis=0) for c in range(len(spectrum.ids))])
     for points in unknown()[:5]:
-        centred, relative = (answer(points, of=scored(s)).responses for s in ("centred", "relative"))
-        assert np.allclose(relative - centred, spread - spread.mean(), rtol=1e-6, atol=1e-6)
-        assert centred.mean() == pytest.approx(0, abs=1e-9 * np.abs(centred).max())
+        response = answer(points, of=learnt())
+        index, value = response.stimuli
+        row = csr_array((value, index, [0, len(index)]), shape=(1, learnt().ensemble.vertex_count))
+        expected = ((means - learnt().metric.embed(row)) ** 2).sum(axis=1) - 2 * np.log(response.concept_sizes)
+        assert np.allclose(response.responses, expected - expected.mean(), rtol=1e-6, atol=1e-6)
 
 
 @presets
