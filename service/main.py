@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import signal
 import threading
+from contextlib import AsyncExitStack
 
 import uvicorn
 
@@ -24,11 +26,22 @@ def serve(settings: Settings) -> None:
 
     Raises:
         StoreUnavailable: the URL of the store is of no known kind.
-        SystemExit: the address cannot be listened on.
+        SystemExit: an address cannot be listened on.
     """
     logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s %(message)s")
     application = Application(settings)
     threading.Thread(target=_warm, args=[application], name="warm", daemon=True).start()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        # The HTTP server raises them again once it has ended; that is an ordinary end, exit code 0.
+        signal.signal(number, lambda *_: None)
+    try:
+        asyncio.run(_serve(application, settings))
+    except SystemExit:  # the reason is logged
+        raise SystemExit(1) from None
+
+
+async def _serve(application: Application, settings: Settings) -> None:
+    """Opens every transport, the HTTP server last: it is the one that waits for the signals."""
     server = uvicorn.Server(
         uvicorn.Config(
             create_app(application),
@@ -38,13 +51,9 @@ def serve(settings: Settings) -> None:
             timeout_graceful_shutdown=GRACE,
         )
     )
-    for number in (signal.SIGTERM, signal.SIGINT):
-        # The server raises them again once it has ended; that is an ordinary end, exit code 0.
-        signal.signal(number, lambda *_: None)
-    try:
-        server.run()
-    except SystemExit:  # the reason is logged
-        raise SystemExit(1) from None
+    async with AsyncExitStack() as stack:
+        stack.callback(application.close)
+        await server.serve()
 
 
 def _warm(application: Application) -> None:

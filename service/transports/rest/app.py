@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-
 from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
@@ -14,21 +11,14 @@ from service.transports.rest import health, models, problems, responses
 
 
 def create_app(application: Application) -> FastAPI:
-    """An app that answers for an application, and closes it at the end.
+    """An app that answers for an application.
 
     Its pages /docs and /redoc load nothing from elsewhere: many robots have no internet.
     """
-
-    @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        yield
-        application.close()
-
     app = FastAPIOffline(
         title="Shape Concepts",
         version=__version__,
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",
-        lifespan=lifespan,
     )
     problems.install(app)
     for module in (responses, models, health):
