@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from service.clouds import json_points, npy, npz, pcd, ply, xyz
+from service.clouds import json_points, npy, npz, pcd, ply, pointcloud2, xyz
 from service.clouds.formats import FORMATS, Format, by_content, by_media_type, tell
 from service.clouds.frame import UNITS, Viewpoint, place
 from service.clouds.ply import write as write_ply
@@ -26,6 +26,7 @@ _READERS = {
     "npy": npy.read,
     "npz": npz.read,
     "json": json_points.read,
+    "pointcloud2": pointcloud2.read,
 }
 
 

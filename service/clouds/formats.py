@@ -54,6 +54,12 @@ FORMATS: dict[str, Format] = {
             (".json",),
             ("application/json",),
         ),
+        Format(
+            "pointcloud2",
+            "ROS 2 sensor_msgs/msg/PointCloud2 in CDR",
+            (".cdr",),
+            ("application/x-ros-cdr", "application/cdr"),
+        ),
     )
 }
 
@@ -67,6 +73,12 @@ _MAGIC = {
     "json": re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*(?:\[|null|\]))"),
     "pcd": re.compile(rb"(?:# \.PCD|(?:#[^\n]*\n|\s)*(?:VERSION|FIELDS|COLUMNS)[ \t])"),
 }
+# CDR has no signature: the stamp, a name of a frame, and soon a field x tell it, in either byte order.
+_MAGIC["pointcloud2"] = re.compile(
+    rb"\x00(?:\x01.{10}[\x01-\xff]\x00{3}|\x00.{10}\x00{3}[\x01-\xff])[^\x00]{0,254}\x00"
+    rb".{1,2000}?(?:\x02\x00{3}|\x00{3}\x02)x\x00",
+    re.DOTALL,
+)
 _NUMBER = rb"[-+]?(?:nan|inf|(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)"
 _TEXT_POINT = re.compile(
     rb"(?:^|\n)[ \t]*" + _NUMBER + (rb"(?:[ \t]*[,;][ \t]*|[ \t]+)" + _NUMBER) * 2 + rb"(?=[\s,;#/]|$)", re.IGNORECASE
@@ -83,16 +95,23 @@ def by_media_type(media_type: str) -> str | None:
     """The format that a media type names; None when the content has to tell.
 
     Args:
-        media_type: as in a Content-Type header; parameters after ";" are ignored.
+        media_type: as in a Content-Type header; parameters after ";" are ignored, but for CDR, which has none or
+            names the type of the message.
 
     Raises:
         UnsupportedFormat: it names something that is not read here.
     """
-    bare = media_type.partition(";")[0].strip().lower()
+    bare, _, parameters = media_type.partition(";")
+    bare = bare.strip().lower()
     if bare in ANY_MEDIA_TYPES:
         return None
     for entry in FORMATS.values():
         if bare in entry.media_types:
+            if entry.name == "pointcloud2" and parameters.strip() and "PointCloud2" not in parameters:
+                raise UnsupportedFormat(
+                    f"of the messages of ROS, PointCloud2 is read, not {quote(parameters.strip())}; "
+                    f"send {bare}; type=sensor_msgs/msg/PointCloud2"
+                )
             return entry.name
     known = ", ".join(f"{entry.media_types[0]} ({entry.name})" for entry in FORMATS.values())
     raise UnsupportedFormat(

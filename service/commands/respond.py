@@ -63,10 +63,10 @@ def respond(
 ) -> None:
     """Answers clouds with the concepts they resemble.
 
-    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, or -
-    for standard input. Concepts are listed best first, those at epsilon_max before those of other times; with --json,
-    one line a cloud. A cloud that cannot be answered does not keep the others from it, but the exit code is 1 at the
-    end.
+    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, a
+    PointCloud2 of ROS in CDR, or - for standard input. Concepts are listed best first, those at epsilon_max before
+    those of other times; with --json, one line a cloud. A cloud that cannot be answered does not keep the others from
+    it, but the exit code is 1 at the end.
     """
     from service.application import CloudFile, parse_viewpoint
     from service.clouds import UNITS

@@ -52,6 +52,13 @@ def test_media_types_name_formats():
     assert by_media_type("Text/CSV; charset=utf-8") == "xyz"
 
 
+def test_cdr_may_say_which_message_it_is_and_no_other_than_a_cloud():
+    for said in ("", "; type=sensor_msgs/msg/PointCloud2", ";sensor_msgs::msg::dds_::PointCloud2_"):
+        assert by_media_type("application/cdr" + said) == "pointcloud2"
+    with pytest.raises(UnsupportedFormat, match="PointCloud2 is read"):
+        by_media_type("application/x-ros-cdr; type=sensor_msgs/msg/Image")
+
+
 @pytest.mark.parametrize("media_type", ["", "application/octet-stream", "text/plain; charset=utf-8"])
 def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
     assert by_media_type(media_type) is None

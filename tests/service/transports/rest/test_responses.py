@@ -16,6 +16,7 @@ from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError
 from service.engine.model import ShapeModel
 from service.transports.rest import examples
+from tests.service.clouds.written import pointcloud2
 
 
 def answer_of(response: httpx.Response) -> dict[str, Any]:
@@ -38,7 +39,8 @@ def test_the_answer_over_http_is_that_of_the_application(
 
 def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
     ply, xyz = write_ply(clouds[0]), as_xyz(clouds[0])
-    points = clouds[0].points.astype(float).tolist()
+    points, cdr = clouds[0].points.astype(float).tolist(), pointcloud2(clouds[0].points)
+    message = {"content-type": "application/x-ros-cdr; type=sensor_msgs/msg/PointCloud2"}
     sent = [
         client.post("/v1/responses", content=ply),
         client.post("/v1/responses", content=ply, headers={"content-type": "application/octet-stream"}),
@@ -48,6 +50,8 @@ def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, cl
         client.post("/v1/responses", json=points),
         client.post("/v1/responses", json={"points": points, "unit": "m", "viewpoint": [0, 0, 0]}),
         client.post("/v1/responses", content=json.dumps(points)),
+        client.post("/v1/responses", content=cdr),
+        client.post("/v1/responses", content=cdr, headers=message),
         client.post("/v1/responses", files={"cloud": ("mug.ply", ply)}),
         client.post("/v1/responses", files={"cloud": ("mug.xyz", xyz, "text/plain")}),
         client.post("/v1/responses", files={"cloud": ("mug.bin", ply, "model/ply")}),
@@ -160,6 +164,8 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("JSON without points", 400, "unreadable-cloud", {"json": {"unit": "m"}}),
     ("JSON nested deeply", 400, "unreadable-cloud", {"content": b"[" * 10**6,
      "headers": {"content-type": "application/json"}}),
+    ("another message", 415, "unsupported-format", {**XYZ, "headers": {"content-type": "application/cdr; type=Image"}}),
+    ("no message", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "application/cdr"}}),
     ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
     ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
     ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
