@@ -46,7 +46,12 @@ FORMATS: dict[str, Format] = {
             (".xyz", ".txt", ".csv", ".asc", ".pts"),
             ("text/plain", "text/csv", "chemical/x-xyz"),
         ),
-        Format("npy", "NumPy array (N, 3+), (H, W, 3+), or with fields x, y, z", (".npy",), ("application/x-npy",)),
+        Format(
+            "npy",
+            "NumPy array (N, 3+), (H, W, 3+), with fields x, y, z, or a depth image (H, W)",
+            (".npy",),
+            ("application/x-npy",),
+        ),
         Format("npz", "NumPy archive that holds such an array", (".npz",), ("application/x-npz",)),
         Format(
             "json",
@@ -54,6 +59,7 @@ FORMATS: dict[str, Format] = {
             (".json",),
             ("application/json",),
         ),
+        Format("png", "depth image: PNG, 16-bit grey, with its intrinsics", (".png",), ("image/png",)),
         Format(
             "pointcloud2",
             "ROS 2 sensor_msgs/msg/PointCloud2 in CDR",
@@ -69,6 +75,7 @@ ANY_MEDIA_TYPES = ("", "application/octet-stream", "application/x-www-form-urlen
 _MAGIC = {
     "ply": re.compile(rb"ply[ \t]*[\r\n]"),
     "npy": re.compile(rb"\x93NUMPY"),
+    "png": re.compile(rb"\x89PNG\r\n\x1a\n"),
     "npz": re.compile(rb"PK(?:\x03\x04|\x05\x06)"),
     "json": re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*(?:\[|null|\]))"),
     "pcd": re.compile(rb"(?:# \.PCD|(?:#[^\n]*\n|\s)*(?:VERSION|FIELDS|COLUMNS)[ \t])"),

@@ -252,7 +252,7 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),
-    UnsupportedFormat("no format has the media type 'image/png'; send application/octet-stream: the content tells"),
+    UnsupportedFormat("no format has the media type 'image/jpeg'; send application/octet-stream: the content tells"),
     TooFewPoints(
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."

@@ -66,7 +66,7 @@ def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
 
 def test_foreign_media_types_are_refused_with_those_that_exist():
     with pytest.raises(UnsupportedFormat, match="model/ply"):
-        by_media_type("image/png")
+        by_media_type("image/jpeg")
 
 
 def test_no_two_formats_share_an_ending_or_a_media_type():

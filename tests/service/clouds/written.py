@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -92,6 +93,28 @@ def npz(compressed: bool = False, **arrays: NDArray[Any]) -> bytes:
 def json_points(points: Points) -> list[list[float | None]]:
     """The points as JSON has them: it knows no NaN and no infinity."""
     return [[float(value) if np.isfinite(value) else None for value in point] for point in points]
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A chunk of a PNG."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+# Adam7: first row, first column, and the steps of each pass.
+PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
+
+
+def png(pixels: NDArray[Any], colour: int = 0, palette: bool = False, interlaced: bool = False) -> bytes:
+    """A picture (rows, columns) or (rows, columns, channels) of uint8 or uint16, of one of PNG's colour types."""
+    rows, columns = pixels.shape[:2]
+    passes = [pixels[r::dr, c::dc] for r, c, dr, dc in PASSES] if interlaced else [pixels]
+    lines = b"".join(
+        b"\0" + line.astype(line.dtype.newbyteorder(">")).tobytes() for each in passes for line in each if line.size
+    )
+    header = struct.pack(">IIBBBBB", columns, rows, pixels.dtype.itemsize * 8, colour, 0, 0, interlaced)
+    colours = chunk(b"PLTE", bytes(range(30))) if palette else b""
+    body = chunk(b"IHDR", header) + colours + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + body
 
 
 ROS = get_typestore(Stores.ROS2_HUMBLE)
