@@ -19,7 +19,7 @@ from service.clouds.claims import check_count, quote
 from service.clouds.frame import UNITS, RawCloud, Viewpoint
 from service.engine.errors import InvalidParameter, UnreadableCloud
 
-PIECE = 1 << 18  # bytes that are parsed at a time; no point is as long
+PIECE = 1 << 13  # bytes parsed at a time, so that other threads have their turn in between; no point is as long
 MEMBERS = ("points", "unit", "viewpoint")
 _BLANK = re.compile(rb"[ \t\r\n]*")
 _COMMA = re.compile(rb"[ \t\r\n]*,")

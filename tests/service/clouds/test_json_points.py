@@ -64,7 +64,7 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "NaN": (b"[[NaN, 1, 2]]", "null where nothing was measured"),
     "-Infinity": (b"[[0, -Infinity, 2]]", "null where nothing was measured"),
     "a number beyond floats": (b"[[1e999, 1, 2]]", "a number beyond any"),
-    "a number of many digits": (b"[[" + b"9" * 200_000 + b", 1, 2]]", "a number beyond any"),
+    "a number of many digits": (b"[[" + b"9" * 5_000 + b", 1, 2]]", "a number beyond any"),
     "a number of more digits": (b"[[" + b"9" * 2_000_000 + b", 1, 2]]", "should be a point in less than"),
     "two coordinates": (b"[[0, 1, 2], [1, 2]]", "point 1, counted from 0, is \\[1.0, 2.0\\]"),
     "four coordinates": (b"[[1, 2, 3, 4]]", "point 0"),
@@ -129,7 +129,7 @@ def test_a_list_at_the_limit_takes_little_memory_beside_its_points():
     assert len(read(data).points) == 300_000
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 3 * 300_000 * 24 + 30 * PIECE
+    assert peak < 4 * 300_000 * 24
 
 
 def test_huge_coordinates_are_beyond_any_sensor():
