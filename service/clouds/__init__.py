@@ -12,10 +12,22 @@ from service.clouds import npy, npz, pcd, ply, xyz
 from service.clouds.formats import FORMATS, Format, by_content, by_media_type, tell
 from service.clouds.frame import UNITS, Viewpoint, place
 from service.clouds.ply import write as write_ply
+from service.clouds.scene_cloud import SceneCloud
 from service.engine.cloud import PointCloud
 from service.engine.errors import EmptyCloud, InvalidParameter, UnreadableCloud, UnsupportedFormat
 
-__all__ = ["FORMATS", "MAX_POINTS", "UNITS", "Format", "Viewpoint", "by_media_type", "read", "write_ply"]
+__all__ = [
+    "FORMATS",
+    "MAX_POINTS",
+    "UNITS",
+    "Format",
+    "SceneCloud",
+    "Viewpoint",
+    "by_media_type",
+    "read",
+    "read_scene",
+    "write_ply",
+]
 
 MAX_POINTS = 5_000_000
 
@@ -51,6 +63,19 @@ def read(
         EmptyCloud, NoFinitePoints, TooManyPoints, ImplausibleExtent: by what the file holds.
         InvalidParameter: an unknown unit, or a limit below 1.
     """
+    return read_scene(data, format, name=name, unit=unit, viewpoint=viewpoint, max_points=max_points).cloud
+
+
+def read_scene(
+    data: bytes,
+    format: str | None = None,
+    *,
+    name: str = "",
+    unit: str = "m",
+    viewpoint: Viewpoint | None = None,
+    max_points: int = MAX_POINTS,
+) -> SceneCloud:
+    """Reads a cloud as `read`, with the pose of its sensor and the width of its image."""
     if format is not None and format not in FORMATS:
         raise UnsupportedFormat(f"the format {format!r} is unknown; it is one of {', '.join(FORMATS)}")
     if unit not in UNITS:
@@ -63,4 +88,6 @@ def read(
     if format is not None and found not in (None, format):
         raise UnreadableCloud(f"it was sent as {format}, but its content is {found}; send it as {found}")
     with np.errstate(all="ignore"):  # signalling NaNs and overflow: what is not finite is dropped or refused
-        return place(_READERS[format or tell(data, name)](data, max_points), unit, viewpoint)
+        raw = _READERS[format or tell(data, name)](data, max_points)
+        pose = viewpoint or raw.viewpoint or Viewpoint()
+        return SceneCloud(place(raw, unit, viewpoint), pose, unit, raw.width)
