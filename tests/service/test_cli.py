@@ -25,6 +25,7 @@ from service.engine.model import ShapeModel
 from service.model_file import encode
 from service.settings import Settings
 from service.store import ModelStore
+from tests.service.tabletop.seen import set_table
 
 
 @pytest.fixture
@@ -91,6 +92,26 @@ def test_an_answer_can_be_explained_to_programs_and_people(folder: Path, clouds:
     pictures = [line for line in said.splitlines() if line.startswith("│") and set(line) & set("%@#")]
     assert len(pictures) > 10
     assert "explanation" not in lines(run("respond", "--json", "good.ply"))[0]
+
+
+def test_the_objects_of_a_scene_are_answered_to_programs_and_people(folder: Path) -> None:
+    Path("table.ply").write_bytes(write_ply(set_table("kinect").cloud))
+    result = run("respond", "--scene", "--json", "--top", "1", "table.ply", "bad.ply", "table.ply")
+    assert result.exit_code == 1
+    first, bad, second = lines(result)
+    assert bad["error"]["type"] == "unreadable-cloud"
+    assert list(first)[:3] == ["file", "model", "version"]
+    assert first["objects"][0]["answer"]["responses"] == second["objects"][0]["answer"]["responses"]
+    assert len(first["objects"]) == 3
+    said = run("respond", "--scene", "--explain", "--top", "1", "table.ply").stdout
+    assert "3 objects" in said
+    for one in first["objects"]:
+        assert f"object {one['number']}" in said
+        assert ", ".join(f"{metres:.3f}" for metres in one["position_m"]) in said
+        assert f"{one['answer']['concepts'][0]['response']:.3f}" in said
+    for left in first["left_out"]:
+        assert left["detail"] in said
+    assert "motif vertices" in said
 
 
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
@@ -257,6 +278,7 @@ def test_every_example_of_the_help_runs(
         store.publish(model, name="default", seed=7, source={}, alias=alias)
     for name in ("mug.pcd", "mug.npy", "mug.xyz"):  # the content tells the format
         shutil.copy("good.ply", name)
+    Path("table.pcd").write_bytes(write_ply(set_table().cloud))
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:

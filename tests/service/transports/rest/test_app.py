@@ -150,7 +150,8 @@ def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: 
 
 def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
-    told = ("Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
+    scene = ("SceneAnswer", "AnsweredObject", "SupportingPlane", "StandingBox", "LeftOut", "Refusal")
+    told = (*scene, "Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
     for name in ("Answer", "Concept", "Stimuli", "Manifest", "Problem", "Readiness", "ModelSummary", *told):
         for field, schema in description["components"]["schemas"][name]["properties"].items():
             assert schema.get("description"), f"{name}.{field}"

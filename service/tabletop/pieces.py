@@ -1,0 +1,103 @@
+"""The connected pieces over a plane, and which of them are objects that stand on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from service.tabletop.records import Box, Plane, TabletopParams
+
+NESTED = 0.8  # share of a piece within another's outline that makes it a part of that
+
+
+def connect(points: NDArray[np.float64], gap: float) -> list[NDArray[np.int64]]:
+    """The pieces of points (N, 3), each the ascending rows of points less than `gap` from one another (Rusu 2009)."""
+    if not len(points):
+        return []
+    pairs = cKDTree(points).query_pairs(gap, output_type="ndarray").astype(np.int32)
+    links = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
+    piece = connected_components(links, directed=False)[1]
+    order = np.argsort(piece, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(piece[order])) + 1)
+
+
+def join_nested(pieces: list[NDArray[np.int64]], flat: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Joins pieces that stand within the outline of another: a pot's inside, cut off from its outside by its rim.
+
+    Args:
+        pieces: rows of points.
+        flat: (N, 2) where the points are along the plane, metres.
+    """
+    middles = np.array([flat[piece].mean(axis=0) for piece in pieces]).reshape(-1, 2)
+    near = cKDTree(middles) if len(pieces) > 1 else None
+    by_size = sorted(range(len(pieces)), key=lambda number: -len(pieces[number]))
+    joined: dict[int, list[int]] = {}
+    taken: set[int] = set()
+    for number in by_size if near else range(len(pieces)):
+        if number in taken:
+            continue
+        joined[number] = [number]
+        outline = _outline(flat[pieces[number]])
+        if near is None or outline is None:
+            continue
+        radius = np.linalg.norm(outline.points - middles[number], axis=1).max()
+        for other in sorted(near.query_ball_point(middles[number], radius)):
+            if other not in taken and other not in joined and _share_within(flat[pieces[other]], outline) >= NESTED:
+                joined[number].append(other)
+                taken.add(other)
+    return [np.sort(np.concatenate([pieces[i] for i in numbers])) for numbers in joined.values()]
+
+
+def _outline(flat: NDArray[np.float64]) -> ConvexHull | None:
+    try:
+        return ConvexHull(flat)
+    except QhullError:  # fewer than 3 points, or all on one line
+        return None
+
+
+def _share_within(flat: NDArray[np.float64], outline: ConvexHull) -> float:
+    inside = np.ones(len(flat), bool)
+    for x, y, beyond in outline.equations:
+        inside &= flat[:, 0] * x + flat[:, 1] * y + beyond <= 0
+    return float(inside.mean())
+
+
+def judge(points: NDArray[np.float64], plane: Plane, params: TabletopParams) -> str:
+    """Why a piece is no object, by its voxels' points (V, 3): a reason; "" if it is one."""
+    heights = plane.heights(points)
+    if heights.min() > params.foot:
+        return "afloat"
+    length = stand_box(points, plane).size[0]
+    longest = max(length, np.ptp(heights))
+    if longest < params.min_extent or heights.max() < params.min_rise:
+        return "small"
+    return "large" if longest > params.max_extent else ""
+
+
+def stand_box(points: NDArray[np.float64], plane: Plane) -> Box:
+    """The box of least ground that holds points (N, 3) and stands upright on a plane."""
+    flat = points @ plane.basis.T
+    heights = plane.heights(points)
+    along = _direction(flat)
+    across = np.array([-along[1], along[0]])
+    sizes = np.array([np.ptp(flat @ along), np.ptp(flat @ across), np.ptp(heights)])
+    if sizes[1] > sizes[0]:
+        along, across = across, -along
+        sizes[:2] = sizes[1::-1]
+    axes = np.stack([along @ plane.basis, across @ plane.basis, plane.normal])
+    placed = points @ axes.T
+    return Box((placed.max(axis=0) + placed.min(axis=0)) / 2 @ axes, axes, sizes)
+
+
+def _direction(flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The direction (2,) of a side of the rectangle of least area around points (N, 2): that of a side of the hull."""
+    outline = _outline(flat)
+    if outline is None:
+        spread = flat - flat.mean(axis=0)
+        return np.linalg.eigh(spread.T @ spread)[1][:, 1]
+    edges = outline.equations[:, :2]
+    areas = [np.ptp(flat @ n) * np.ptp(flat @ np.array([-n[1], n[0]])) for n in edges]
+    return edges[int(np.argmin(areas))]
