@@ -61,6 +61,9 @@ class AnsweredObject(BaseModel):
     height_m: tuple[float, float] = Field(description="of its lowest and highest point above the plane, metres")
     points: int = Field(ge=1, description="points of the cloud that are part of it")
     touches: list[int] = Field(description="numbers of the objects that stand so near that they may touch it")
+    hidden_by: list[int] = Field(
+        description="numbers of the nearer objects that are seen right beside it, so that they may hide a part of it"
+    )
     at_border: bool | None = Field(
         None,
         description="whether it reaches the border of the image, so that a part may be missing; null where the cloud "
@@ -175,6 +178,7 @@ def _tell(number: int, found: SceneObject, answer: Answer | Refusal, sent: Scene
         height_m=(float(found.height[0]), float(found.height[1])),
         points=len(found.indices),
         touches=list(found.touches),
+        hidden_by=list(found.hidden_by),
         at_border=found.at_border,
         beyond_edge=found.beyond_edge,
         answer=answer if isinstance(answer, Answer) else None,

@@ -53,6 +53,7 @@ def _place(one: AnsweredObject) -> str:
     """Where an object is, in a sentence."""
     length, width, height = (f"{100 * metres:.1f}" for metres in one.box.size_m)
     notes = [f"touches {', '.join(map(str, one.touches))}"] if one.touches else []
+    notes += [f"perhaps hidden in part by {', '.join(map(str, one.hidden_by))}"] if one.hidden_by else []
     notes += ["at the image's border"] if one.at_border else []
     notes += ["goes on beyond the plane's edge"] if one.beyond_edge else []
     position = ", ".join(f"{metres:.3f}" for metres in one.position_m)

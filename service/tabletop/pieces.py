@@ -11,6 +11,8 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from service.tabletop.records import Box, Plane, TabletopParams
 
 NESTED = 0.8  # share of a piece within another's outline that makes it a part of that
+NEAREST = 9  # voxels of the ground that are looked for under a piece
+SEEN_UNDER = 0.5  # share of them under it that tells that it floats
 
 
 def connect(points: NDArray[np.float64], gap: float) -> list[NDArray[np.int64]]:
@@ -58,6 +60,15 @@ def _outline(flat: NDArray[np.float64]) -> ConvexHull | None:
         return None
 
 
+def _share_under(flat: NDArray[np.float64], ground: cKDTree) -> float:
+    """Share of the ground that is nearest to a piece's middle that is within its outline; 0 if it has none."""
+    outline = _outline(flat)
+    if outline is None:
+        return 0.0
+    nearest = ground.query(outline.points.mean(axis=0), min(NEAREST, ground.n))[1]
+    return _share_within(ground.data[np.atleast_1d(nearest)], outline)
+
+
 def _share_within(flat: NDArray[np.float64], outline: ConvexHull) -> float:
     inside = np.ones(len(flat), bool)
     for x, y, beyond in outline.equations:
@@ -65,10 +76,18 @@ def _share_within(flat: NDArray[np.float64], outline: ConvexHull) -> float:
     return float(inside.mean())
 
 
-def judge(points: NDArray[np.float64], plane: Plane, params: TabletopParams) -> str:
-    """Why a piece is no object, by its voxels' points (V, 3): a reason; "" if it is one."""
+def judge(points: NDArray[np.float64], ground: cKDTree, plane: Plane, params: TabletopParams) -> str:
+    """Why a piece is no object: a reason; "" if it is one.
+
+    Args:
+        points: (V, 3) of the piece's voxels, metres.
+        ground: where along the plane its own voxels are, metres. A piece of which no foot is seen stands on the plane
+            all the same where the ground under it is not seen either: something may hide both.
+        plane: that may bear it.
+        params: what is taken for an object.
+    """
     heights = plane.heights(points)
-    if heights.min() > params.foot:
+    if heights.min() > params.foot and _share_under(points @ plane.basis.T, ground) > SEEN_UNDER:
         return "afloat"
     length = stand_box(points, plane).size[0]
     longest = max(length, np.ptp(heights))

@@ -25,7 +25,7 @@ class TabletopParams(StageParams):
     margin: float = Field(0.02, ge=0, description="how far an object may reach over the plane's edge, metres")
     max_height: float = Field(1.0, gt=0, description="points higher above the plane are left out, metres")
     gap: float = Field(0.015, gt=0, description="pieces less far apart are one object, metres; twice it: they touch")
-    foot: float = Field(0.1, gt=0, description="pieces that begin higher above the plane do not stand on it, metres")
+    foot: float = Field(0.1, gt=0, description="pieces that begin higher, over ground that is seen, float, metres")
     min_rise: float = Field(0.01, gt=0, description="least height of an object above the plane, metres")
     min_points: int = Field(100, ge=10, description="fewest points of an object")
     min_extent: float = Field(0.02, gt=0, description="least length of an object, metres")
@@ -84,6 +84,7 @@ class SceneObject:
         box: around all its points.
         height: of its lowest and highest point above the plane (2,), metres.
         touches: numbers of the objects that are less than two gaps away.
+        hidden_by: numbers of nearer objects that are seen right beside it, so that they may hide a part of it.
         at_border: whether it reaches the border of the image, so that a part may be missing; None where the cloud
             is no image.
         beyond_edge: whether something that is not above the plane adjoins it, so that it may be cut.
@@ -94,6 +95,7 @@ class SceneObject:
     box: Box
     height: NDArray[np.float64]
     touches: tuple[int, ...]
+    hidden_by: tuple[int, ...]
     at_border: bool | None
     beyond_edge: bool
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from service.engine.cloud import PointCloud
 from service.engine.errors import NoSupportingPlane, TooFewPoints
+from service.tabletop.adjacency import BESIDE_VOXELS, hides, near, sights_of
 from service.tabletop.image import Image
 from service.tabletop.layers import BELOW, BESIDE, HIGH, OVER, PLANE, layer
 from service.tabletop.pieces import connect, join_nested, judge, stand_box
@@ -96,12 +97,13 @@ def _find(voxels: Voxels, params: TabletopParams) -> Found:
 def _stand(voxels: Voxels, plane: Plane, layers: NDArray[np.str_], params: TabletopParams) -> Found:
     over = np.flatnonzero(layers == OVER)
     points, counts = voxels.points[over], voxels.counts[over]
+    ground = cKDTree(voxels.points[layers == PLANE] @ plane.basis.T)
     pieces = connect(points, _gap(voxels, params))
     enough = [counts[rows].sum() >= params.min_points for rows in pieces]
     refused = [("small", over[rows]) for rows, many in zip(pieces, enough, strict=True) if not many]
     objects = []
     for rows in join_nested([rows for rows, many in zip(pieces, enough, strict=True) if many], points @ plane.basis.T):
-        reason = judge(points[rows], plane, params)
+        reason = judge(points[rows], ground, plane, params)
         if reason:
             refused.append((reason, over[rows]))
         else:
@@ -131,6 +133,7 @@ def _describe(
     starts = np.searchsorted(of_row[order], np.arange(len(objects) + 1))
     gap = _gap(voxels, params)
     trees = [cKDTree(voxels.points[rows]) for rows in objects]
+    sights = [sights_of(voxels.points[rows]) for rows in objects]
     aside = np.isin(found.layers, (BESIDE, HIGH))
     outside = cKDTree(voxels.points[aside]) if aside.any() else None
     described = []
@@ -144,19 +147,17 @@ def _describe(
                 centroid=voxels.points[rows].mean(axis=0),
                 box=stand_box(points[np.lexsort(points.T)], found.plane),
                 height=np.array([heights.min(), heights.max()]),
-                touches=tuple(j for j, tree in enumerate(trees) if j != i and _near(tree, trees[i], 2 * gap)),
+                touches=tuple(j for j, tree in enumerate(trees) if j != i and near(tree, trees[i], 2 * gap)),
+                hidden_by=tuple(
+                    j
+                    for j, other in enumerate(sights)
+                    if j != i and hides(other, sights[i], BESIDE_VOXELS * voxels.size, gap)
+                ),
                 at_border=None if image is None else image.at_border(indices),
-                beyond_edge=outside is not None and _near(outside, trees[i], gap),
+                beyond_edge=outside is not None and near(outside, trees[i], gap),
             )
         )
     return tuple(described)
-
-
-def _near(one: cKDTree, other: cKDTree, gap: float) -> bool:
-    """Whether a point of one set is less than `gap` from one of another."""
-    if (one.mins - other.maxes > gap).any() or (other.mins - one.maxes > gap).any():
-        return False
-    return bool(np.isfinite(one.query(other.data, distance_upper_bound=gap)[0]).any())
 
 
 def _left_out(

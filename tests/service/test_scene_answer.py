@@ -18,7 +18,7 @@ from service.settings import Settings
 from service.store import ModelStore
 from service.tabletop import cut_out, find_objects
 from tests.service.clouds.written import pcd
-from tests.service.tabletop.seen import block, flat, set_table
+from tests.service.tabletop.seen import AROUND, block, flat, overlaps, set_table, spin_lidar
 from tests.shapes import cloud_of
 
 
@@ -72,19 +72,22 @@ def test_a_cloud_in_a_robots_frame_is_answered_in_that_frame(application: Applic
 
 
 def test_a_lidar_that_sees_all_around_has_its_objects_answered_on_every_side(application: Application) -> None:
-    """Sensor frame of a lidar: z up. The floor is a metre below, blocks stand on it all around."""
-    rng = np.random.default_rng(0)
-    floor = np.stack([*rng.uniform(-1.5, 1.5, (2, 60_000)), np.full(60_000, -1.0)], axis=1)
-    around = [(1.2, 0.0), (-1.2, 0.1), (0.1, 1.2), (0.0, -1.2)]
-    blocks = [block((x, y, -0.85), (0.2, 0.2, 0.3), 6000) for x, y in around]
-    answer = application.respond_scene(sent(cloud_of(np.concatenate([floor, *blocks]))))
+    seen = spin_lidar()
+    answer = application.respond_scene(sent(seen.cloud))
     assert answer.plane.normal == pytest.approx((0, 0, 1), abs=0.01)
-    found = sorted(tuple(round(float(part), 1) for part in one.position_m[:2]) for one in answer.objects)
-    assert found == sorted(around)
+    assert answer.plane.sensor_height_m == pytest.approx(1.0, abs=0.01)
+    scene = find_objects(seen.cloud)
+    assert min(overlaps(scene, seen.labels)) > 0.9
+    assert len(answer.objects) == len(AROUND)
+    behind = [one for one in answer.objects if one.position_m[0] < 0]
+    assert behind
     for one in answer.objects:
+        near = min(AROUND, key=lambda place: np.hypot(place[0] - one.position_m[0], place[1] - one.position_m[1]))
+        assert one.position_m[:2] == pytest.approx(near, abs=0.25)
         assert one.answer is not None
         assert one.answer.warnings == []
-        assert one.box.size_m == pytest.approx((0.2, 0.2, 0.3), abs=0.02)
+    facing = np.mean([one.position_m[2] < 0 for one in answer.objects])
+    assert facing == 1  # below the sensor, so behind a camera that looks along +z
 
 
 def test_points_say_which_object_they_are_part_of_in_the_order_of_the_file(application: Application) -> None:

@@ -126,6 +126,7 @@ SCENE_ANSWER: dict[str, Any] = {
             "height_m": [0.0029506458596488816, 0.12353355433519486],
             "points": 2799,
             "touches": [],
+            "hidden_by": [],
             "at_border": None,
             "beyond_edge": False,
             "answer": ANSWER,

@@ -133,6 +133,21 @@ def test_what_is_not_an_object_on_the_plane_is_left_out_with_its_reason() -> Non
     assert [one.reason for one in large.left_out] == ["large"]
 
 
+def test_an_object_with_another_before_it_says_that_it_may_be_hidden() -> None:
+    row = table((cube(0.08), 0.08, (0.12, 0)), (cube(0.08), 0.08, (-0.02, 0.04)), (cube(0.08), 0.08, (-0.1, -0.2)))
+    front, back, aside = find_objects(see(row, look(0, 30, 1.0)).cloud).objects
+    assert (front.hidden_by, back.hidden_by, aside.hidden_by) == ((), (0,), ())
+
+
+def test_what_hides_its_own_foot_stands_and_what_hangs_over_ground_that_is_seen_does_not() -> None:
+    top = block((0, 0.25, 1.5), (0.3, 0.1, 0.3), 9000)  # 20 cm above the plane
+    ground = flat(0.9)
+    hidden = (np.abs(ground[:, 0]) < 0.17) & (np.abs(ground[:, 2] - 1.5) < 0.17)
+    assert [left.reason for left in find_objects(cloud_of(np.concatenate([ground, top]))).left_out] == ["afloat"]
+    (found,) = find_objects(cloud_of(np.concatenate([ground[~hidden], top]))).objects
+    assert found.height[0] == pytest.approx(0.2, abs=0.01)
+
+
 def test_only_as_many_objects_as_were_asked_for_are_kept_and_these_are_the_nearest() -> None:
     cloud = set_table().cloud
     whole, two = find_objects(cloud), find_objects(cloud, most=2)
