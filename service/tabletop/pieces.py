@@ -10,7 +10,6 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from service.tabletop.records import Box, Plane, TabletopParams
 
-NESTED = 0.8  # share of a piece within another's outline that makes it a part of that
 NEAREST = 9  # voxels of the ground that are looked for under a piece
 SEEN_UNDER = 0.5  # share of them under it that tells that it floats
 
@@ -26,56 +25,6 @@ def connect(points: NDArray[np.float64], gap: float) -> list[NDArray[np.int64]]:
     return np.split(order, np.flatnonzero(np.diff(piece[order])) + 1)
 
 
-def join_nested(pieces: list[NDArray[np.int64]], flat: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """Joins pieces that stand within the outline of another: a pot's inside, cut off from its outside by its rim.
-
-    Args:
-        pieces: rows of points.
-        flat: (N, 2) where the points are along the plane, metres.
-    """
-    middles = np.array([flat[piece].mean(axis=0) for piece in pieces]).reshape(-1, 2)
-    near = cKDTree(middles) if len(pieces) > 1 else None
-    by_size = sorted(range(len(pieces)), key=lambda number: -len(pieces[number]))
-    joined: dict[int, list[int]] = {}
-    taken: set[int] = set()
-    for number in by_size if near else range(len(pieces)):
-        if number in taken:
-            continue
-        joined[number] = [number]
-        outline = _outline(flat[pieces[number]])
-        if near is None or outline is None:
-            continue
-        radius = np.linalg.norm(outline.points - middles[number], axis=1).max()
-        for other in sorted(near.query_ball_point(middles[number], radius)):
-            if other not in taken and other not in joined and _share_within(flat[pieces[other]], outline) >= NESTED:
-                joined[number].append(other)
-                taken.add(other)
-    return [np.sort(np.concatenate([pieces[i] for i in numbers])) for numbers in joined.values()]
-
-
-def _outline(flat: NDArray[np.float64]) -> ConvexHull | None:
-    try:
-        return ConvexHull(flat)
-    except QhullError:  # fewer than 3 points, or all on one line
-        return None
-
-
-def _share_under(flat: NDArray[np.float64], ground: cKDTree) -> float:
-    """Share of the ground that is nearest to a piece's middle that is within its outline; 0 if it has none."""
-    outline = _outline(flat)
-    if outline is None:
-        return 0.0
-    nearest = ground.query(outline.points.mean(axis=0), min(NEAREST, ground.n))[1]
-    return _share_within(ground.data[np.atleast_1d(nearest)], outline)
-
-
-def _share_within(flat: NDArray[np.float64], outline: ConvexHull) -> float:
-    inside = np.ones(len(flat), bool)
-    for x, y, beyond in outline.equations:
-        inside &= flat[:, 0] * x + flat[:, 1] * y + beyond <= 0
-    return float(inside.mean())
-
-
 def judge(points: NDArray[np.float64], ground: cKDTree, plane: Plane, params: TabletopParams) -> str:
     """Why a piece is no object: a reason; "" if it is one.
 
@@ -87,11 +36,12 @@ def judge(points: NDArray[np.float64], ground: cKDTree, plane: Plane, params: Ta
         params: what is taken for an object.
     """
     heights = plane.heights(points)
+    if heights.max() < params.min_rise or np.linalg.norm(np.ptp(points, axis=0)) < params.min_extent:
+        return "small"
     if heights.min() > params.foot and _share_under(points @ plane.basis.T, ground) > SEEN_UNDER:
         return "afloat"
-    length = stand_box(points, plane).size[0]
-    longest = max(length, np.ptp(heights))
-    if longest < params.min_extent or heights.max() < params.min_rise:
+    longest = stand_box(points, plane).size.max()
+    if longest < params.min_extent:
         return "small"
     return "large" if longest > params.max_extent else ""
 
@@ -120,3 +70,26 @@ def _direction(flat: NDArray[np.float64]) -> NDArray[np.float64]:
     edges = outline.equations[:, :2]
     areas = [np.ptp(flat @ n) * np.ptp(flat @ np.array([-n[1], n[0]])) for n in edges]
     return edges[int(np.argmin(areas))]
+
+
+def _outline(flat: NDArray[np.float64]) -> ConvexHull | None:
+    try:
+        return ConvexHull(flat)
+    except QhullError:  # fewer than 3 points, or all on one line
+        return None
+
+
+def _share_under(flat: NDArray[np.float64], ground: cKDTree) -> float:
+    """Share of the ground that is nearest to a piece's middle that is within its outline; 0 if it has none."""
+    outline = _outline(flat)
+    if outline is None:
+        return 0.0
+    nearest = ground.query(outline.points.mean(axis=0), min(NEAREST, ground.n))[1]
+    return _share_within(ground.data[np.atleast_1d(nearest)], outline)
+
+
+def _share_within(flat: NDArray[np.float64], outline: ConvexHull) -> float:
+    inside = np.ones(len(flat), bool)
+    for x, y, beyond in outline.equations:
+        inside &= flat[:, 0] * x + flat[:, 1] * y + beyond <= 0
+    return float(inside.mean())

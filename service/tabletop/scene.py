@@ -13,7 +13,7 @@ from service.engine.errors import NoSupportingPlane, TooFewPoints
 from service.tabletop.adjacency import BESIDE_VOXELS, hides, near, sights_of
 from service.tabletop.image import Image
 from service.tabletop.layers import BELOW, BESIDE, HIGH, OVER, PLANE, layer
-from service.tabletop.pieces import connect, join_nested, judge, stand_box
+from service.tabletop.pieces import connect, judge, stand_box
 from service.tabletop.planes import find_planes
 from service.tabletop.records import REASONS, LeftOut, Plane, Scene, SceneObject, TabletopParams
 from service.tabletop.voxels import Voxels, voxelise
@@ -98,12 +98,10 @@ def _stand(voxels: Voxels, plane: Plane, layers: NDArray[np.str_], params: Table
     over = np.flatnonzero(layers == OVER)
     points, counts = voxels.points[over], voxels.counts[over]
     ground = cKDTree(voxels.points[layers == PLANE] @ plane.basis.T)
-    pieces = connect(points, _gap(voxels, params))
-    enough = [counts[rows].sum() >= params.min_points for rows in pieces]
-    refused = [("small", over[rows]) for rows, many in zip(pieces, enough, strict=True) if not many]
-    objects = []
-    for rows in join_nested([rows for rows, many in zip(pieces, enough, strict=True) if many], points @ plane.basis.T):
-        reason = judge(points[rows], ground, plane, params)
+    objects, refused = [], []
+    for rows in connect(points, _gap(voxels, params)):
+        few = counts[rows].sum() < params.min_points
+        reason = "small" if few else judge(points[rows], ground, plane, params)
         if reason:
             refused.append((reason, over[rows]))
         else:

@@ -1,11 +1,11 @@
-"""Pieces are what is connected; nested ones are one; boxes are the least that hold them."""
+"""Pieces are what is connected; boxes are the least that hold them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from service.tabletop.pieces import connect, join_nested, stand_box
+from service.tabletop.pieces import connect, stand_box
 from service.tabletop.records import Plane
 from tests.shapes import rotation
 
@@ -21,17 +21,6 @@ def test_pieces_are_the_points_less_than_a_gap_apart() -> None:
     assert len(connect(points, 0.2)) == 1
     assert len(connect(points, 0.001)) == len(points)
     assert connect(np.zeros((0, 3)), 0.1) == []
-
-
-def test_a_piece_within_the_outline_of_another_is_a_part_of_it() -> None:
-    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    ring = 0.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    parts = [ring, ring * 0.3, ring * 0.3 + [0.5, 0]]
-    rows = np.split(np.arange(180), 3)
-    joined = join_nested(rows, np.concatenate(parts))
-    assert sorted(part.tolist() for part in joined) == [list(range(120)), list(range(120, 180))]
-    assert join_nested([], np.zeros((0, 2))) == []
-    assert [part.tolist() for part in join_nested([np.array([0, 1])], np.zeros((2, 2)))] == [[0, 1]]
 
 
 @pytest.mark.parametrize("seed", range(3))
