@@ -19,6 +19,8 @@ from service.tabletop.records import REASONS, LeftOut, Plane, Scene, SceneObject
 from service.tabletop.voxels import Voxels, voxelise
 
 IN_PLANE = "The sensor would stand in the plane itself: state the viewpoint from which the scene was seen."
+BEHIND = "Nothing stands on the sensor's side of the plane, but something lies beyond it: check the viewpoint."
+BEHIND_SHARE = 0.05  # of the scene's points that make it worth a word
 
 
 class Found(NamedTuple):
@@ -70,7 +72,7 @@ def find_objects(
         inliers=inliers,
         objects=_describe(cloud, voxels, found, kept, Image.of(cloud, width), params),
         left_out=_left_out(voxels, found.layers, refused, len(cloud.points) - len(voxels.rows)),
-        warnings=(IN_PLANE,) if found.plane.offset <= 2 * found.plane.band else (),
+        warnings=_warnings(voxels, found),
     )
 
 
@@ -156,6 +158,13 @@ def _describe(
             )
         )
     return tuple(described)
+
+
+def _warnings(voxels: Voxels, found: Found) -> tuple[str, ...]:
+    if found.plane.offset <= 2 * found.plane.band:
+        return (IN_PLANE,)
+    behind = voxels.counts[found.layers == BELOW].sum()
+    return (BEHIND,) if not found.objects and behind > BEHIND_SHARE * len(voxels.rows) else ()
 
 
 def _left_out(

@@ -176,6 +176,14 @@ def test_a_sensor_in_the_plane_is_told_of() -> None:
     assert "viewpoint" in find_objects(cloud_of(moved)).warnings[0]
 
 
+def test_a_sensor_said_to_be_on_the_wrong_side_is_told_of() -> None:
+    moved = np.concatenate([flat(0.8), block((0, 0.45, 1.4), (0.1, 0.1, 0.1))]) - [0, 1, 0]
+    scene = find_objects(cloud_of(moved))
+    assert scene.objects == ()
+    assert "viewpoint" in scene.warnings[0]
+    assert find_objects(cloud_of(moved + np.array([0, 1, 0]))).warnings == ()
+
+
 def noise(across: float, distance: float) -> NDArray[np.float64]:
     return np.random.default_rng(0).uniform(-across / 2, across / 2, (30_000, 3)) + np.array([0, 0, distance])
 
