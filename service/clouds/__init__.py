@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from service.clouds import npy, npz, pcd, ply, xyz
+from service.clouds import json_points, npy, npz, pcd, ply, xyz
 from service.clouds.formats import FORMATS, Format, by_content, by_media_type, tell
 from service.clouds.frame import UNITS, Viewpoint, place
 from service.clouds.ply import write as write_ply
@@ -19,7 +19,14 @@ __all__ = ["FORMATS", "MAX_POINTS", "UNITS", "Format", "Viewpoint", "by_media_ty
 
 MAX_POINTS = 5_000_000
 
-_READERS = {"pcd": pcd.read, "ply": ply.read, "xyz": xyz.read, "npy": npy.read, "npz": npz.read}
+_READERS = {
+    "pcd": pcd.read,
+    "ply": ply.read,
+    "xyz": xyz.read,
+    "npy": npy.read,
+    "npz": npz.read,
+    "json": json_points.read,
+}
 
 
 def read(
@@ -27,7 +34,7 @@ def read(
     format: str | None = None,
     *,
     name: str = "",
-    unit: str = "m",
+    unit: str | None = None,
     viewpoint: Viewpoint | None = None,
     max_points: int = MAX_POINTS,
 ) -> PointCloud:
@@ -37,9 +44,10 @@ def read(
         data: the file's bytes.
         format: a name in FORMATS; None to tell it by the content, then by the ending of `name`.
         name: the file's name, if it has one.
-        unit: of the coordinates and of the viewpoint's position, one of UNITS.
-        viewpoint: the sensor's pose in the cloud's frame; overrides PCD's VIEWPOINT. Without either, the sensor
-            is the origin.
+        unit: of the coordinates and of the viewpoint's position, one of UNITS; overrides JSON's "unit". Without
+            either, they are metres.
+        viewpoint: the sensor's pose in the cloud's frame; overrides PCD's VIEWPOINT and JSON's "viewpoint". Without
+            any, the sensor is the origin.
         max_points: limit on the points, missing ones included.
 
     Returns:
@@ -53,7 +61,7 @@ def read(
     """
     if format is not None and format not in FORMATS:
         raise UnsupportedFormat(f"the format {format!r} is unknown; it is one of {', '.join(FORMATS)}")
-    if unit not in UNITS:
+    if unit is not None and unit not in UNITS:
         raise InvalidParameter(f"the unit {unit!r} is unknown; it is one of {', '.join(UNITS)}")
     if max_points < 1:
         raise InvalidParameter(f"max_points should be at least 1, not {max_points}")

@@ -48,6 +48,12 @@ FORMATS: dict[str, Format] = {
         ),
         Format("npy", "NumPy array (N, 3+), (H, W, 3+), or with fields x, y, z", (".npy",), ("application/x-npy",)),
         Format("npz", "NumPy archive that holds such an array", (".npz",), ("application/x-npz",)),
+        Format(
+            "json",
+            'JSON: [[x, y, z], ...] or {"points": [[x, y, z], ...]}, null where nothing was measured',
+            (".json",),
+            ("application/json",),
+        ),
     )
 }
 
@@ -58,6 +64,7 @@ _MAGIC = {
     "ply": re.compile(rb"ply[ \t]*[\r\n]"),
     "npy": re.compile(rb"\x93NUMPY"),
     "npz": re.compile(rb"PK(?:\x03\x04|\x05\x06)"),
+    "json": re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*(?:\[|null|\]))"),
     "pcd": re.compile(rb"(?:# \.PCD|(?:#[^\n]*\n|\s)*(?:VERSION|FIELDS|COLUMNS)[ \t])"),
 }
 _NUMBER = rb"[-+]?(?:nan|inf|(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)"

@@ -39,7 +39,7 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.option(
     "--top", type=click.IntRange(min=1), help=f"How many concepts to list.  [default: {TOP}; all with --json]"
 )
-@click.option("--unit", default="m", show_default=True, help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.")
+@click.option("--unit", help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.  [default: the file's own, or m]")
 @click.option(
     "--viewpoint", metavar="POSE", help="Sensor pose in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz."
 )
@@ -53,7 +53,7 @@ def respond(
     model: str | None,
     time: float | None,
     top: int | None,
-    unit: str,
+    unit: str | None,
     viewpoint: str | None,
     stimuli: bool,
     explain: bool,
@@ -63,14 +63,15 @@ def respond(
 ) -> None:
     """Answers clouds with the concepts they resemble.
 
-    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY or NPZ file, or - for
-    standard input. Concepts are listed best first, those at epsilon_max before those of other times; with --json, one
-    line a cloud. A cloud that cannot be answered does not keep the others from it, but the exit code is 1 at the end.
+    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, or -
+    for standard input. Concepts are listed best first, those at epsilon_max before those of other times; with --json,
+    one line a cloud. A cloud that cannot be answered does not keep the others from it, but the exit code is 1 at the
+    end.
     """
     from service.application import CloudFile, parse_viewpoint
     from service.clouds import UNITS
 
-    if unit not in UNITS:
+    if unit is not None and unit not in UNITS:
         raise click.BadParameter(f"'{unit}' is none of {', '.join(UNITS)}.", param_hint="--unit")
     try:
         pose = parse_viewpoint(viewpoint) if viewpoint else None

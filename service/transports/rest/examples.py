@@ -39,6 +39,11 @@ def _corner(edge: float = 0.08, step: float = 0.01, distance: float = 0.6) -> st
 
 
 CLOUD_XYZ = _corner()
+CLOUD_JSON: dict[str, Any] = {
+    "points": [[float(word) for word in line.split()] for line in CLOUD_XYZ.splitlines()],
+    "unit": "m",
+    "viewpoint": [0, 0, 0],
+}
 
 ANSWER: dict[str, Any] = {
     "model": "default",

@@ -16,6 +16,37 @@ from service.transports.rest.queries import known_only
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
+_NUMBERS: dict[str, Any] = {"type": "array", "items": {"type": ["number", "null"]}}
+_POINTS: dict[str, Any] = {
+    "type": "array",
+    "items": {"oneOf": [_NUMBERS | {"minItems": 3, "maxItems": 3}, {"type": "null"}]},
+    "description": "x, y, z of each; null where nothing was measured",
+}
+_JSON: dict[str, Any] = {
+    "schema": {
+        "oneOf": [
+            _POINTS,
+            {
+                "type": "object",
+                "required": ["points"],
+                "additionalProperties": False,
+                "properties": {
+                    "points": _POINTS,
+                    "unit": {"enum": [*UNITS, None], "description": "of the coordinates; metres by default"},
+                    "viewpoint": {
+                        "type": ["array", "null"],
+                        "items": {"type": "number"},
+                        "minItems": 3,
+                        "maxItems": 7,
+                        "description": "pose of the sensor: x, y, z or x, y, z, qw, qx, qy, qz",
+                    },
+                },
+            },
+        ]
+    },
+    "example": examples.CLOUD_JSON,
+}
+_CONTENTS = {"xyz": _TEXT, "json": _JSON}  # the others are binary
 _FORM: dict[str, Any] = {
     "schema": {"type": "object", "required": [FIELD], "properties": {FIELD: {"type": "string", "format": "binary"}}}
 }
@@ -26,7 +57,7 @@ _BODY = {
     + ". Sent as `application/octet-stream`, its content tells.",
     "content": {
         "application/octet-stream": _BINARY,
-        **{entry.media_types[0]: _TEXT if entry.name == "xyz" else _BINARY for entry in FORMATS.values()},
+        **{entry.media_types[0]: _CONTENTS.get(entry.name, _BINARY) for entry in FORMATS.values()},
         "multipart/form-data": _FORM,
     },
 }
@@ -73,7 +104,10 @@ def router(application: Application) -> APIRouter:
             ),
         ] = None,
         top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
-        unit: Annotated[str, Query(description=f"of the coordinates: {', '.join(UNITS)}")] = "m",
+        unit: Annotated[
+            str | None,
+            Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres"),
+        ] = None,
         viewpoint: Annotated[
             str | None,
             Query(

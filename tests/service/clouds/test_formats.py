@@ -36,7 +36,7 @@ def test_lines_that_read_like_points_are_xyz(text: bytes):
 
 
 @pytest.mark.parametrize(
-    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"\x00"]
+    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"[1, 2, 3]", b"\x00"]
 )
 def test_anything_else_is_refused_with_the_formats_that_exist(data: bytes):
     with pytest.raises(UnsupportedFormat) as refused:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import struct
 from typing import Any
 
@@ -87,6 +88,11 @@ def npz(compressed: bool = False, **arrays: NDArray[Any]) -> bytes:
     return stream.getvalue()
 
 
+def json_points(points: Points) -> list[list[float | None]]:
+    """The points as JSON has them: it knows no NaN and no infinity."""
+    return [[float(value) if np.isfinite(value) else None for value in point] for point in points]
+
+
 def every_kind(points: Points) -> dict[str, bytes]:
     """The same cloud in every format and encoding; the key begins with the format's name."""
     return {
@@ -101,4 +107,6 @@ def every_kind(points: Points) -> dict[str, bytes]:
         "npy": npy(points),
         "npz stored": npz(points=points),
         "npz deflated": npz(True, points=points),
+        "json list": json.dumps(json_points(points)).encode(),
+        "json object": json.dumps({"viewpoint": None, "points": json_points(points)}, indent=1).encode(),
     }

@@ -38,12 +38,16 @@ def test_the_answer_over_http_is_that_of_the_application(
 
 def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
     ply, xyz = write_ply(clouds[0]), as_xyz(clouds[0])
+    points = clouds[0].points.astype(float).tolist()
     sent = [
         client.post("/v1/responses", content=ply),
         client.post("/v1/responses", content=ply, headers={"content-type": "application/octet-stream"}),
         client.post("/v1/responses", content=ply, headers={"content-type": "model/ply"}),
         client.post("/v1/responses", content=ply, headers={"content-type": "application/x-www-form-urlencoded"}),
         client.post("/v1/responses", content=xyz, headers={"content-type": "text/plain; charset=utf-8"}),
+        client.post("/v1/responses", json=points),
+        client.post("/v1/responses", json={"points": points, "unit": "m", "viewpoint": [0, 0, 0]}),
+        client.post("/v1/responses", content=json.dumps(points)),
         client.post("/v1/responses", files={"cloud": ("mug.ply", ply)}),
         client.post("/v1/responses", files={"cloud": ("mug.xyz", xyz, "text/plain")}),
         client.post("/v1/responses", files={"cloud": ("mug.bin", ply, "model/ply")}),
@@ -131,9 +135,10 @@ def test_unit_and_viewpoint_bring_a_cloud_into_the_sensors_frame(
     assert answer["warnings"] == expected["warnings"]
 
 
-def test_the_documented_example_is_answered(client: httpx.Client) -> None:
+def test_the_documented_examples_are_answered(client: httpx.Client) -> None:
     response = client.post("/v1/responses", content=examples.CLOUD_XYZ, headers={"content-type": "text/plain"})
     answer = answer_of(response)
+    assert answer == answer_of(client.post("/v1/responses", json=examples.CLOUD_JSON))
     assert set(answer) == set(examples.ANSWER) - {"timings_ms"}
     assert set(response.json()["timings_ms"]) == set(examples.ANSWER["timings_ms"])
     assert answer["segments"] == examples.ANSWER["segments"] == len(examples.EXPLANATION["segments"])
@@ -152,6 +157,9 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("10^12 points", 413, "too-many-points", {"content": b"ply\nformat binary_little_endian 1.0\nelement vertex "
      b"1000000000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(120)}),
     ("a picture", 415, "unsupported-format", {"content": b"\x89PNG", "headers": {"content-type": "image/png"}}),
+    ("JSON without points", 400, "unreadable-cloud", {"json": {"unit": "m"}}),
+    ("JSON nested deeply", 400, "unreadable-cloud", {"content": b"[" * 10**6,
+     "headers": {"content-type": "application/json"}}),
     ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
     ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
     ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
