@@ -48,6 +48,7 @@ async def _serve(application: Application, settings: Settings) -> None:
             host=settings.host,
             port=settings.port,
             log_config=None,
+            access_log=False,  # the interface logs each request itself, with its id
             timeout_graceful_shutdown=GRACE,
         )
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -188,3 +189,40 @@ def test_real_answers_fit_the_description(client: httpx.Client) -> None:
             assert asked[operation].status_code == 200
             schema = {**content["schema"], "components": description["components"]}
             jsonschema.validate(asked[operation].json(), schema)
+
+
+def logged(caplog: pytest.LogCaptureFixture, word: str) -> list[str]:
+    """Lines of the interface's log that have a word; they are written when the answer is sent."""
+    began = time.monotonic()
+    while time.monotonic() - began < 5:
+        records = [record for record in caplog.records if record.name.startswith("service.transports")]
+        if lines := [record.message for record in records if word in record.message]:
+            return lines
+        time.sleep(0.01)
+    raise AssertionError(f"nothing logged with {word}")
+
+
+class TestRequestIds:
+    UUID = "7f1c3bd2-5b39-4cb8-a5a8-6f0c2f1e9d10"
+
+    @pytest.mark.parametrize("given", [UUID, "robot-7.42", "01J9ZK3V5T8Y2M4N6P7Q8R9S0T"])
+    def test_the_clients_own_is_in_the_answer_the_problem_and_the_log(
+        self, client: httpx.Client, caplog: pytest.LogCaptureFixture, given: str
+    ) -> None:
+        with caplog.at_level(logging.INFO):
+            response = client.post("/v1/responses", content=b"", headers={"x-request-id": given})
+        assert response.headers["x-request-id"] == given
+        assert response.json()["instance"].endswith(f":{given}")
+        assert response.json()["instance"].startswith("urn:uuid:" if given == self.UUID else "urn:shape-concepts:")
+        assert logged(caplog, given)[0].endswith("ms")
+        assert client.get("/healthz", headers={"x-request-id": given}).headers["x-request-id"] == given
+
+    @pytest.mark.parametrize("given", ["", "x" * 129, "a b", "-x", "<script>", "a\tb", "ä".encode()])
+    def test_what_would_do_harm_in_a_log_is_replaced(self, client: httpx.Client, given: str | bytes) -> None:
+        made = client.get("/healthz", headers={"x-request-id": given}).headers["x-request-id"]
+        assert re.fullmatch(r"[0-9a-f-]{36}", made)
+
+    def test_a_path_begins_no_line_of_the_log(self, client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
+        with caplog.at_level(logging.INFO):
+            client.get("/v1/%0aroot%20logged%20in")
+        assert "\n" not in logged(caplog, "root")[0]
