@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from service.engine.errors import (
     Cancelled,
+    ConceptNotFound,
     InvalidCloud,
     InvalidParameter,
     JobNotFound,
@@ -59,6 +60,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     NotEnoughSamples: Status(422, "FAILED_PRECONDITION", "There are too few clouds to learn from"),
     RendererUnavailable: Status(503, "FAILED_PRECONDITION", "There is no renderer"),
     ModelNotFound: Status(404, "NOT_FOUND", "There is no such model"),
+    ConceptNotFound: Status(404, "NOT_FOUND", "There is no such concept"),
     ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
     ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
     StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
