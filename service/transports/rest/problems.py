@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import time
@@ -68,7 +69,9 @@ def documented(example: dict[str, Any], *statuses: int) -> dict[int | str, dict[
         statuses: of the errors that may occur.
     """
     schema = {"$ref": "#/components/schemas/Problem"}
-    described: dict[int | str, dict[str, Any]] = {200: {"content": {"application/json": {"example": example}}}}
+    # As text: of a document the framework would leave out whatever is null.
+    text = json.dumps(example)
+    described: dict[int | str, dict[str, Any]] = {200: {"content": {"application/json": {"example": text}}}}
     for status in statuses:
         content = {errors.MEDIA_TYPE: {"schema": schema, "example": examples.PROBLEMS[status]}}
         described[status] = {"description": HTTPStatus(status).phrase, "content": content}
@@ -82,6 +85,7 @@ def install(app: FastAPI) -> None:
     def describe_with_problems() -> dict[str, Any]:
         description = describe()
         description["components"]["schemas"]["Problem"] = Problem.model_json_schema()
+        _read_examples(description["paths"])
         return description
 
     app.openapi = describe_with_problems  # type: ignore[method-assign] # as FastAPI's documentation has it
@@ -89,6 +93,16 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(ShapeConceptsError, _ours)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _validation)
+
+
+def _read_examples(paths: dict[str, Any]) -> None:
+    """Puts examples of answers that were given as text in its place."""
+    for operations in paths.values():
+        for operation in operations.values():
+            for answer in operation["responses"].values():
+                for content in answer.get("content", {}).values():
+                    if isinstance(content.get("example"), str):
+                        content["example"] = json.loads(content["example"])
 
 
 class _Guard:

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS
 from service.transports.rest import examples
 from service.transports.rest.bodies import FIELD, Limits, receive_cloud
+from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import documented
-from service.transports.rest.queries import known_only
+from service.transports.rest.queries import (
+    AliasQuery,
+    ModelQuery,
+    TimeQuery,
+    TopQuery,
+    VersionQuery,
+    ViewpointQuery,
+    known_only,
+)
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
@@ -65,7 +74,8 @@ _BODY = {
 
 _ANSWERS = {
     "plain": {"value": examples.ANSWER},
-    "explain=true": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+    "detail=responses,explanation": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+    "detail=concepts": {"value": {k: v for k, v in examples.ANSWER.items() if k not in ("responses", "distances")}},
 }
 
 
@@ -82,52 +92,40 @@ def router(application: Application) -> APIRouter:
             **documented(examples.ANSWER, 400, 404, 408, 413, 415, 422, 429, 500, 503),
             200: {"content": {"application/json": {"examples": _ANSWERS}}},
         },
+        response_model=Answer,
         openapi_extra={"requestBody": _BODY},
     )
     async def respond(
         request: Request,
-        model: Annotated[
-            str | None,
-            Query(
-                max_length=200, description="NAME, NAME@ALIAS or NAME:VERSION; by default the only model of the store"
-            ),
-        ] = None,
-        version: Annotated[int | None, Query(ge=1, le=99_999_999, description="version of the model")] = None,
-        alias: Annotated[str | None, Query(max_length=63, description="alias of the model's version")] = None,
-        time: Annotated[
-            float | None,
-            Query(
-                ge=0,
-                le=1,
-                description="filtration time of all concepts: 0 specific, 1 generic; by default those at the model's "
-                "epsilon_max come first and the specific and generic ones of other times follow",
-            ),
-        ] = None,
-        top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
+        model: ModelQuery = None,
+        version: VersionQuery = None,
+        alias: AliasQuery = None,
+        time: TimeQuery = None,
+        top: TopQuery = None,
         unit: Annotated[
             str | None,
             Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres"),
         ] = None,
-        viewpoint: Annotated[
-            str | None,
-            Query(
-                max_length=300,
-                description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
-                examples=["0.0,-0.4,-0.9"],
-            ),
-        ] = None,
-        stimuli: Annotated[bool, Query(description="whether the answer has the stimuli vector as well")] = False,
-        explain: Annotated[bool, Query(description="whether the answer says why it is what it is")] = False,
-        segments: Annotated[
-            bool, Query(description="whether the answer says of each point sent to which segment it belongs")
+        viewpoint: ViewpointQuery = None,
+        detail: DetailQuery = None,
+        stimuli: Annotated[
+            bool, Query(description="whether the answer has the stimuli vector as well, as `detail=stimuli`")
         ] = False,
-    ) -> Answer:
+        explain: Annotated[
+            bool, Query(description="whether it says why it is what it is, as `detail=explanation`")
+        ] = False,
+        segments: Annotated[
+            bool,
+            Query(description="whether it says of each point sent to which segment it belongs, as `detail=segments`"),
+        ] = False,
+    ) -> Response:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
         pose = parse_viewpoint(viewpoint) if viewpoint else None
+        parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         with application.intake.opened() as take:
             data, format, name = await receive_cloud(request, limits, take)
             with application.pool.admitted():
-                return await application.pool.run(
+                answer = await application.pool.run(
                     application.respond,
                     CloudFile(data, format, name, unit, pose),
                     model=model,
@@ -135,9 +133,10 @@ def router(application: Application) -> APIRouter:
                     alias=alias,
                     time=time,
                     top=top,
-                    stimuli=stimuli,
-                    explain=explain,
-                    segments=segments,
+                    stimuli=parts.stimuli,
+                    explain=parts.explanation,
+                    segments=parts.segments,
                 )
+                return await application.pool.run(as_json, answer, parts.exclude())
 
     return routes
