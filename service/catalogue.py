@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.engine.filtration import annexations_over_time, barcode
@@ -11,6 +14,9 @@ from service.engine.model import ShapeModel
 
 _FROZEN = ConfigDict(frozen=True)
 _TIME = "filtration time in [0, 1]"
+
+Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
+Bar = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 
 
 class Held(BaseModel):
@@ -61,7 +67,7 @@ class ConceptList(Held):
 class Barcode(Held):
     """The barcode of H_0."""
 
-    bars: list[tuple[float, float | None]] = Field(
+    bars: list[Bar] = Field(
         description=f"(N, 2): birth and death of each component, {_TIME}, by death; null for the one that never dies"
     )
 
@@ -69,7 +75,7 @@ class Barcode(Held):
 class AnnexationGraph(Held):
     """The annexation graph F: which component took in which, and when. Rows are those of the tree's edges."""
 
-    edges: list[tuple[int, int]] = Field(
+    edges: list[Pair] = Field(
         description="(N-1, 2): numbers of the training objects that represent the component taken in, the smaller one, "
         "and the one that took it in"
     )
@@ -80,15 +86,14 @@ class AnnexationGraph(Held):
     distance: list[float] = Field(
         description="(N-1): heat of the edge, from vertex heats scaled to [0, 1] and inverted; no unit"
     )
-    moments: list[tuple[float, int]] = Field(
-        description=f"(M, 2): each {_TIME} at which something is annexed, and how many annexations it saw; ascending"
-    )
+    moments: list[float] = Field(description=f"(M): each {_TIME} at which something is annexed, ascending")
+    annexations: list[int] = Field(description="(M): how many annexations each of these moments saw")
 
 
 class Tree(Held):
     """The spanning tree of the topological space. Edges are in lexicographic order."""
 
-    edges: list[tuple[int, int]] = Field(description="(N-1, 2): numbers of the training objects, smaller one first")
+    edges: list[Pair] = Field(description="(N-1, 2): numbers of the training objects, smaller one first")
     distance: list[float] = Field(description="(N-1): Jensen-Shannon divergence of the two stimuli vectors, nats")
     vertex_heat: list[float] = Field(
         description="(N): mean geodesic distance of each training object to all, edges of length 1, Eq. 3"
@@ -136,10 +141,8 @@ def list_concepts(
 
 def tell_barcode(model: ShapeModel, called: tuple[str, int]) -> Barcode:
     """The barcode of a model, given with its name and version."""
-    bars = barcode(model.filtration).tolist()
-    return Barcode(
-        **_held(model, called), bars=[(birth, None if death == float("inf") else death) for birth, death in bars]
-    )
+    bars = [[birth, death if math.isfinite(death) else None] for birth, death in barcode(model.filtration).tolist()]
+    return Barcode(**_held(model, called), bars=bars)
 
 
 def tell_annexations(model: ShapeModel, called: tuple[str, int]) -> AnnexationGraph:
@@ -148,11 +151,12 @@ def tell_annexations(model: ShapeModel, called: tuple[str, int]) -> AnnexationGr
     times, counts = annexations_over_time(filtration)
     return AnnexationGraph(
         **_held(model, called),
-        edges=list(zip(filtration.annexed.tolist(), filtration.annexing.tolist(), strict=True)),
+        edges=np.stack([filtration.annexed, filtration.annexing], axis=1).tolist(),
         time=filtration.time.tolist(),
         order=filtration.order.tolist(),
         distance=filtration.distance.tolist(),
-        moments=list(zip(times.tolist(), counts.tolist(), strict=True)),
+        moments=times.tolist(),
+        annexations=counts.tolist(),
     )
 
 
@@ -161,11 +165,11 @@ def tell_tree(model: ShapeModel, called: tuple[str, int]) -> Tree:
     space = model.space
     return Tree(
         **_held(model, called),
-        edges=[(first, second) for first, second in space.edges.tolist()],
+        edges=space.edges.tolist(),
         distance=space.distance.tolist(),
         vertex_heat=space.vertex_heat.tolist(),
     )
 
 
-def _held(model: ShapeModel, called: tuple[str, int]) -> dict[str, object]:
+def _held(model: ShapeModel, called: tuple[str, int]) -> dict[str, Any]:
     return {"model": called[0], "version": called[1], "epsilon_max": model.filtration.epsilon_max}

@@ -5,15 +5,16 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any
+from typing import Any, NamedTuple
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import BaseModel, Field
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import UNITS, Viewpoint, by_media_type
-from service.engine.errors import ShapeConceptsError
+from service.clouds.claims import quote
+from service.engine.errors import InvalidParameter, ShapeConceptsError
 from service.transports import errors
 from service.transports.rest import model_examples
 from service.transports.rest.bodies import Limits
@@ -24,6 +25,7 @@ from service.transports.rest.queries import (
     ModelQuery,
     TimeQuery,
     TopQuery,
+    UnitQuery,
     VersionQuery,
     ViewpointQuery,
     known_only,
@@ -31,10 +33,6 @@ from service.transports.rest.queries import (
 from service.transports.rest.uploads import Upload, receive_clouds, several
 
 log = logging.getLogger(__name__)
-
-UnitQuery = Annotated[
-    str | None, Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres")
-]
 
 
 class Item(BaseModel):
@@ -87,7 +85,7 @@ def router(application: Application) -> APIRouter:
         wait: its clouds are answered one after another, and several at once only while the service has nothing else
         to do.
         """
-        pose = parse_viewpoint(viewpoint) if viewpoint else None
+        frame = parse_frame(unit, viewpoint)
         parts = parse_detail(detail)
         with application.intake.opened() as take:
             uploads = await receive_clouds(request, limits, take, settings.max_batch)
@@ -103,7 +101,7 @@ def router(application: Application) -> APIRouter:
                     explain=parts.explanation,
                     segments=parts.segments,
                 )
-                attempt = partial(answer_each, respond, unit, pose, request.state.id)
+                attempt = partial(answer_each, respond, frame, request.state.id)
                 items = await application.pool.run_each(attempt, uploads)
                 document = BatchAnswer(model=name, version=number, items=items)
                 exclude: Any = {"items": {"__all__": {"answer": parts.exclude()}}}
@@ -112,20 +110,35 @@ def router(application: Application) -> APIRouter:
     return routes
 
 
-def answer_each(
-    respond: Callable[[CloudFile], Answer], unit: str | None, viewpoint: Viewpoint | None, request_id: str, one: Upload
-) -> Item:
+class Frame(NamedTuple):
+    """What is said once of all clouds; None where each says so itself."""
+
+    unit: str | None
+    viewpoint: Viewpoint | None
+
+
+def parse_frame(unit: str | None, viewpoint: str | None) -> Frame:
+    """The unit and the viewpoint of all clouds.
+
+    Raises:
+        InvalidParameter: they are none; it is said once, not of each cloud.
+    """
+    if unit is not None and unit not in UNITS:
+        raise InvalidParameter(f"The unit is one of {', '.join(UNITS)}; it was {quote(unit)}.")
+    return Frame(unit, None if viewpoint is None else parse_viewpoint(viewpoint))
+
+
+def answer_each(respond: Callable[[CloudFile], Answer], frame: Frame, request_id: str, one: Upload) -> Item:
     """What is said of one cloud of several; nothing that is wrong with it is raised.
 
     Args:
         respond: answers a cloud.
-        unit: of all clouds.
-        viewpoint: of all clouds.
+        frame: of all clouds.
         request_id: of the whole.
         one: the cloud.
     """
     try:
-        cloud = CloudFile(one.data, by_media_type(one.media_type), one.name, unit, viewpoint)
+        cloud = CloudFile(one.data, by_media_type(one.media_type), one.name, *frame)
         return Item(file=one.name, answer=respond(cloud))
     except ShapeConceptsError as error:
         return Item(file=one.name, problem=Problem(**errors.problem_of(error, request_id)))

@@ -9,14 +9,14 @@ from pydantic import BaseModel, Field
 
 from service.application import Application, ModelSummary
 from service.catalogue import AnnexationGraph, Barcode, ConceptList, Tree
-from service.engine.errors import InvalidParameter, ModelNotFound
+from service.engine.errors import ModelNotFound
 from service.model_file import NAME, Manifest
 from service.pictures import MEDIA_TYPE, png
 from service.store import PRODUCTION
 from service.transports.rest import caching, examples, model_examples
 from service.transports.rest.caching import CHECKED, LASTING, IfNoneMatch, tag_of, tagged, tagged_by_content
 from service.transports.rest.problems import documented
-from service.transports.rest.queries import Name, Reference, Version, known_only
+from service.transports.rest.queries import Name, Qualified, Reference, Version, known_only
 
 Number = Annotated[int, Path(ge=0, le=2**31, description="of the training object, from 0", examples=[17])]
 ConceptTime = Annotated[
@@ -196,10 +196,8 @@ def router(application: Application) -> APIRouter:
         summary="Let an alias mean a version",
         responses=documented(model_examples.PROMOTED, 404, 422, 500, 503),
     )
-    def promote(model: Reference, alias: Alias = PRODUCTION) -> AliasMeaning:
+    def promote(model: Qualified, alias: Alias = PRODUCTION) -> AliasMeaning:
         """The version is named as NAME:VERSION, or by another alias as NAME@ALIAS. Repeated, it is done once."""
-        if not {":", "@"} & set(model):
-            raise InvalidParameter(f"Say which version shall be meant: {model}:2, or {model}@ALIAS.")
         name, version = application.promote(model, alias)
         return AliasMeaning(model=name, alias=alias, version=version)
 

@@ -9,15 +9,15 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.application import Application, parse_viewpoint
+from service.application import Application
 from service.names import LONGEST, check_concept_name
 from service.proposals import Proposal
 from service.transports.rest import caching, model_examples
-from service.transports.rest.batches import Item, UnitQuery, answer_each
+from service.transports.rest.batches import Item, answer_each, parse_frame
 from service.transports.rest.bodies import Limits
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import Problem, documented
-from service.transports.rest.queries import Reference, ViewpointQuery, known_only
+from service.transports.rest.queries import Reference, UnitQuery, ViewpointQuery, known_only
 from service.transports.rest.uploads import receive_clouds, receive_json, several
 
 ConceptId = Annotated[
@@ -171,14 +171,14 @@ def router(application: Application) -> APIRouter:
         Nothing is stored unless `apply=true`; then a proposed name replaces the one that a concept had. Where labels
         tie, none is proposed.
         """
-        pose = parse_viewpoint(viewpoint) if viewpoint else None
+        frame = parse_frame(unit, viewpoint)
         with application.intake.opened() as take:
             uploads = await receive_clouds(request, limits, take, settings.max_batch, labelled=True)
             labels = [check_concept_name(upload.label) for upload in uploads]
             with application.pool.admitted():
                 name, version = await application.pool.run(application.prepare, model)
                 respond = partial(application.respond, model=name, version=version, time=time, top=1)
-                attempt = partial(answer_each, respond, unit, pose, request.state.id)
+                attempt = partial(answer_each, respond, frame, request.state.id)
                 items: list[Item] = await application.pool.run_each(attempt, uploads)
         told = list(zip(labels, items, strict=True))
         answers = [(label, item.answer) for label, item in told if item.answer]

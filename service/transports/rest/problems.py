@@ -17,6 +17,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
@@ -168,7 +169,17 @@ async def _http(request: Request, error: Exception) -> Response:
     )
     detail = refusal.detail.format(path=request.url.path, method=request.method, detail=error.detail)
     document = errors.problem(refusal.name, refusal.title, error.status_code, detail, request.state.id)
-    return _answer(document, dict(error.headers or {}))
+    headers = dict(error.headers or {})
+    if error.status_code == 405 and (methods := _methods(request)):
+        headers = {"Allow": ", ".join(methods)}  # the framework tells those of one operation only
+    return _answer(document, headers)
+
+
+def _methods(request: Request) -> list[str]:
+    """The methods that the path of a request takes."""
+    paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
+    matching = [operations for path, operations in paths.items() if compile_path(path)[0].match(request.url.path)]
+    return sorted({method.upper() for operations in matching for method in operations})
 
 
 async def _validation(request: Request, error: Exception) -> Response:

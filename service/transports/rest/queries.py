@@ -6,7 +6,9 @@ from typing import Annotated
 
 from fastapi import Path, Query, Request
 from fastapi.routing import APIRoute
+from pydantic import WithJsonSchema
 
+from service.clouds import UNITS
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter
 from service.model_file import NAME
@@ -27,8 +29,14 @@ TimeQuery = Annotated[
     ),
 ]
 TopQuery = Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")]
+_NUMBER = r"-?[0-9]+(\.[0-9]+)?(e-?[0-9]{1,2})?"
+_POSE = f"^{_NUMBER}(,{_NUMBER}){{2}}((,{_NUMBER}){{4}})?$"
+UnitQuery = Annotated[
+    Annotated[str, WithJsonSchema({"type": "string", "enum": list(UNITS)})] | None,
+    Query(description="of the coordinates; by default the file's own, or metres"),
+]
 ViewpointQuery = Annotated[
-    str | None,
+    Annotated[str, WithJsonSchema({"type": "string", "pattern": _POSE})] | None,
     Query(
         max_length=300,
         description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
@@ -44,6 +52,15 @@ Reference = Annotated[
         max_length=127,
         description="NAME, NAME@ALIAS or NAME:VERSION; NAME means NAME@production",
         examples=["default", "default@staging", "default:1"],
+    ),
+]
+Qualified = Annotated[
+    str,
+    Path(
+        pattern=f"^{NAME}(@{NAME}|:[0-9]{{1,8}})$",
+        max_length=127,
+        description="NAME:VERSION, or NAME@ALIAS",
+        examples=["default:2", "default@staging"],
     ),
 ]
 Version = Annotated[int, Path(ge=1, le=99_999_999, description="of the model", examples=[1])]

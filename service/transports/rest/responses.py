@@ -18,6 +18,7 @@ from service.transports.rest.queries import (
     ModelQuery,
     TimeQuery,
     TopQuery,
+    UnitQuery,
     VersionQuery,
     ViewpointQuery,
     known_only,
@@ -102,10 +103,7 @@ def router(application: Application) -> APIRouter:
         alias: AliasQuery = None,
         time: TimeQuery = None,
         top: TopQuery = None,
-        unit: Annotated[
-            str | None,
-            Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres"),
-        ] = None,
+        unit: UnitQuery = None,
         viewpoint: ViewpointQuery = None,
         detail: DetailQuery = None,
         stimuli: Annotated[
@@ -120,7 +118,7 @@ def router(application: Application) -> APIRouter:
         ] = False,
     ) -> Response:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
-        pose = parse_viewpoint(viewpoint) if viewpoint else None
+        pose = None if viewpoint is None else parse_viewpoint(viewpoint)
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         with application.intake.opened() as take:
             data, format, name = await receive_cloud(request, limits, take)

@@ -239,3 +239,9 @@ class TestRequestIds:
         with caplog.at_level(logging.INFO):
             client.get("/v1/%0aroot%20logged%20in")
         assert "\n" not in logged(caplog, "root")[0]
+
+
+def test_a_method_that_is_not_allowed_is_told_all_that_are(client: httpx.Client) -> None:
+    for path, allowed in (("/v1/models/tiny/concepts/9/name", "DELETE, GET, PUT"), ("/docs", "GET")):
+        refused = client.request("PATCH", path)
+        assert (refused.status_code, allowed in refused.headers["allow"]) == (405, True)

@@ -65,6 +65,8 @@ def test_clouds_may_come_as_a_json_list(client: httpx.Client, clouds: list[Point
         (404, "model-not-found", {"files": files(b"1"), "params": {"model": "nobody"}}),
         (422, "invalid-parameter", {"files": files(b"1"), "params": {"detail": "everything"}}),
         (422, "invalid-parameter", {"files": files(b"1"), "params": {"explain": True}}),
+        (422, "invalid-parameter", {"files": files(b"1"), "params": {"unit": "furlong"}}),
+        (422, "invalid-parameter", {"files": files(b"1"), "params": {"viewpoint": ""}}),
         (413, "content-too-large", {"files": files(*[b"1"] * 65)}),
         (413, "content-too-large", {"json": [[]] * 65}),
         (413, "content-too-large", {"files": files(bytes(2**23), b"1")}),

@@ -109,7 +109,8 @@ class TestWhatAModelHolds:
         assert [birth for birth, _ in bars] == [0] * 8
         assert [death for _, death in bars] == [*sorted(graph["time"]), None]
         assert sorted(graph["order"]) == list(range(7))
-        assert sum(count for _, count in graph["moments"]) == 7
+        assert graph["moments"] == sorted(set(graph["time"]))
+        assert graph["annexations"] == [graph["time"].count(moment) for moment in graph["moments"]]
 
     def test_its_tree_spans_all_objects_and_its_rows_are_those_of_the_annexations(
         self, client: httpx.Client, model: ShapeModel
@@ -170,6 +171,7 @@ class TestAliases:
             ("GET", "/v1/models/tiny@nobody/concepts", 404),
             ("GET", "/v1/models/tiny:9/barcode", 404),
             ("GET", "/v1/models/Tiny/tree", 422),
+            ("DELETE", "/v1/models/tiny/tree", 405),
             ("GET", "/v1/models/tiny/concepts?time=2", 422),
             ("GET", "/v1/models/tiny/annexations?time=1", 422),
         ],

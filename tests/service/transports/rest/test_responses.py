@@ -207,6 +207,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a misspelt parameter", 422, "invalid-parameter", {**XYZ, "params": {"toop": 1}}),
     ("version x", 422, "invalid-parameter", {**XYZ, "params": {"version": "x"}}),
     ("an unknown unit", 422, "invalid-parameter", {**XYZ, "params": {"unit": "furlong"}}),
+    ("no viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": ""}}),
     ("half a viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": "1,2"}}),
     ("a body too large", 413, "content-too-large", {"content": bytes(2**20 + 1)}),
 ]  # fmt: skip
