@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
-from service.engine.errors import Overloaded
+from service.engine.errors import Cancelled, Overloaded
 
 P = ParamSpec("P")
 S = TypeVar("S")
@@ -94,7 +94,9 @@ class Pool:
         """The result of work done on one of the threads. The caller has been admitted."""
         return await asyncio.wrap_future(self._threads.submit(work, *args, **kwargs))
 
-    async def run_each(self, work: Callable[[S], T], items: Sequence[S]) -> list[T]:
+    async def run_each(
+        self, work: Callable[[S], T], items: Sequence[S], abandoned: Callable[[], Awaitable[bool]]
+    ) -> list[T]:
         """The results of work done on each of several items, in their order. The caller has been admitted, once.
 
         One item after another is worked on in the caller's place, and others beside it while threads are idle: as soon
@@ -103,6 +105,10 @@ class Pool:
         Args:
             work: raises nothing that is foreseen.
             items: of the same caller.
+            abandoned: asked before each item whether nobody waits for the results any more.
+
+        Raises:
+            Cancelled: they were abandoned; the items under way are finished first.
         """
         results: dict[int, T] = {}
         waiting = deque(enumerate(items))
@@ -111,10 +117,12 @@ class Pool:
             results[place] = await self.run(work, item)
 
         async with asyncio.TaskGroup() as beside:
-            while waiting:
+            while waiting and not await abandoned():
                 while len(waiting) > 1 and self._take(self._workers):
                     beside.create_task(work_on(*waiting.popleft())).add_done_callback(lambda _: self._give_back())
                 await work_on(*waiting.popleft())
+        if waiting:
+            raise Cancelled(f"The client hung up when {len(results)} of {len(items)} were done.")
         return [results[place] for place in range(len(items))]
 
     def close(self) -> None:

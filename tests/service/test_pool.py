@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from service.engine.errors import Overloaded
+from service.engine.errors import Cancelled, Overloaded
 from service.pool import Intake, Pool
 
 
@@ -76,6 +76,10 @@ def test_an_intake_of_many_threads_ends_empty() -> None:
         take(1000)
 
 
+async def never() -> bool:
+    return False
+
+
 class TestSeveralItems:
     def test_results_come_in_the_order_of_the_items_and_all_places_are_given_back(self) -> None:
         pool = Pool(workers=3, queue=0)
@@ -86,7 +90,7 @@ class TestSeveralItems:
 
         for count in (0, 1, 2, 50):
             with pool.admitted():
-                assert asyncio.run(pool.run_each(work, range(count))) == [item * item for item in range(count)]
+                assert asyncio.run(pool.run_each(work, range(count), never)) == [item * item for item in range(count)]
         with pool.admitted(), pool.admitted(), pool.admitted():
             pass
         pool.close()
@@ -95,7 +99,7 @@ class TestSeveralItems:
         pool = Pool(workers=3, queue=0)
         together = threading.Barrier(3, timeout=5)
         with pool.admitted():
-            asyncio.run(pool.run_each(lambda _: together.wait(), range(3)))
+            asyncio.run(pool.run_each(lambda _: together.wait(), range(3), never))
         pool.close()
 
     def test_another_request_waits_for_one_item_only(self) -> None:
@@ -108,7 +112,7 @@ class TestSeveralItems:
 
         async def both() -> None:
             with pool.admitted():
-                batch = asyncio.create_task(pool.run_each(work, [f"item {number}" for number in range(10)]))
+                batch = asyncio.create_task(pool.run_each(work, [f"item {number}" for number in range(10)], never))
                 await asyncio.sleep(0.01)
                 with pool.admitted():
                     await pool.run(work, "other")
@@ -121,7 +125,21 @@ class TestSeveralItems:
     def test_work_that_fails_gives_every_place_back(self) -> None:
         pool = Pool(workers=2, queue=0)
         with pytest.raises(ExceptionGroup), pool.admitted():
-            asyncio.run(pool.run_each(lambda item: 1 // (item - 5), range(10)))
+            asyncio.run(pool.run_each(lambda item: 1 // (item - 5), range(10), never))
         with pool.admitted(), pool.admitted():
+            pass
+        pool.close()
+
+    def test_what_nobody_waits_for_any_more_is_left_undone(self) -> None:
+        pool = Pool(workers=1, queue=0)
+        done: list[int] = []
+
+        async def abandoned() -> bool:
+            return len(done) == 3
+
+        with pytest.raises(Cancelled, match="3 of 10"), pool.admitted():
+            asyncio.run(pool.run_each(done.append, range(10), abandoned))
+        assert done == [0, 1, 2]
+        with pool.admitted():
             pass
         pool.close()

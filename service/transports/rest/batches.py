@@ -102,7 +102,7 @@ def router(application: Application) -> APIRouter:
                     segments=parts.segments,
                 )
                 attempt = partial(answer_each, respond, frame, request.state.id)
-                items = await application.pool.run_each(attempt, uploads)
+                items = await application.pool.run_each(attempt, uploads, request.is_disconnected)
                 document = BatchAnswer(model=name, version=number, items=items)
                 exclude: Any = {"items": {"__all__": {"answer": parts.exclude()}}}
                 return await application.pool.run(as_json, document, exclude)

@@ -48,8 +48,11 @@ class _Decoded:
         self._codings = codings
         self._unpacker: _Unpacker | None = None
         self._more = True
+        self._ended = False
 
     async def __call__(self) -> Message:
+        if self._ended:  # all that may come is that the client hangs up
+            return await self._receive()
         if self._unpacker is None:
             if len(self._codings) > 1 or self._codings[0] not in _UNPACKERS:
                 given = ", ".join(self._codings)[:60]
@@ -72,6 +75,7 @@ class _Decoded:
                     "more_body": True,
                 }  # whether it ends well is not known yet
         self._unpacker.finish()
+        self._ended = True
         return {"type": "http.request", "body": b"", "more_body": False}
 
 

@@ -179,7 +179,7 @@ def router(application: Application) -> APIRouter:
                 name, version = await application.pool.run(application.prepare, model)
                 respond = partial(application.respond, model=name, version=version, time=time, top=1)
                 attempt = partial(answer_each, respond, frame, request.state.id)
-                items: list[Item] = await application.pool.run_each(attempt, uploads)
+                items: list[Item] = await application.pool.run_each(attempt, uploads, request.is_disconnected)
         told = list(zip(labels, items, strict=True))
         answers = [(label, item.answer) for label, item in told if item.answer]
         proposals = await run_in_threadpool(naming.propose, name, version, answers, apply=apply)

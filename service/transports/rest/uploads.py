@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, ValidationError
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
@@ -79,7 +80,8 @@ async def receive_clouds(
         if media_type == "multipart/form-data":
             uploads = await _of_form(limited, most, labelled)
         elif media_type == "application/json" and not labelled:
-            uploads = [Upload(cloud, "application/json", "") for cloud in split(await limited.body(), most + 1)]
+            listed = await run_in_threadpool(split, await limited.body(), most + 1)
+            uploads = [Upload(cloud, "application/json", "") for cloud in listed]
         else:
             known = "multipart/form-data" if labelled else "multipart/form-data or application/json"
             raise UnsupportedFormat(f"Several clouds come as {known}, not as '{media_type[:60]}'.")

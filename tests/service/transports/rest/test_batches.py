@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import logging
+import socket
 import threading
 import time
 from typing import Any
@@ -123,3 +126,25 @@ def test_a_batch_that_finds_all_places_taken_is_refused_at_once(client: httpx.Cl
     for place in places:
         place.__exit__(None, None, None)
     assert json.loads(client.post(BATCH, files=files(b"1")).text)["items"]
+
+
+@pytest.mark.parametrize("coding", [b"identity", b"gzip"])
+def test_a_batch_whose_client_hangs_up_is_not_finished(
+    client: httpx.Client, clouds: list[PointCloud], caplog: pytest.LogCaptureFixture, coding: bytes
+) -> None:
+    ply = write_ply(clouds[0])
+    client.post("/v1/responses", content=ply)
+    form = httpx.Request("POST", "http://x", files=files(*[ply] * 64))
+    body = gzip.compress(form.read(), 1) if coding == b"gzip" else form.read()
+    head = (
+        b"POST /v1/responses/batch HTTP/1.1\r\nHost: x\r\nContent-Type: %s\r\n" % form.headers["content-type"].encode()
+    )
+    head += b"Content-Encoding: %s\r\nContent-Length: %d\r\n\r\n" % (coding, len(body))
+    with caplog.at_level(logging.INFO):
+        with socket.create_connection((client.base_url.host, client.base_url.port or 80)) as wire:
+            wire.sendall(head + body)
+            time.sleep(0.3)
+        began = time.monotonic()
+        while "hung up when" not in caplog.text:
+            assert time.monotonic() - began < 10
+            time.sleep(0.01)
