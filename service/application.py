@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from service import clouds
+from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.catalogue import (
@@ -28,6 +29,7 @@ from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
+from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.model_file import Manifest
 from service.naming import Naming
@@ -45,6 +47,8 @@ class CloudFile(NamedTuple):
         name: of the file, if it has one.
         unit: of the coordinates: m, cm, mm, ...; None where the file says so itself or it is metres.
         viewpoint: pose of the sensor in the cloud's frame; None where the file says so itself or it is the origin.
+        camera: that took the depth image which the file is; None where it is none.
+        mask: the file of a depth image's mask, if it has one.
     """
 
     data: bytes
@@ -52,6 +56,8 @@ class CloudFile(NamedTuple):
     name: str = ""
     unit: str | None = None
     viewpoint: clouds.Viewpoint | None = None
+    camera: clouds.DepthCamera | None = None
+    mask: bytes | None = None
 
 
 class ModelSummary(BaseModel):
@@ -86,6 +92,8 @@ class Application:
         self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
         self.naming = Naming(self.store, self._models, self._answers)
+        self._keys = KeyStore(settings.store)
+        self.access = Gate(self.valid_keys if needs_keys(settings) else None)
 
     def close(self) -> None:
         """Waits for the work under way."""
@@ -214,6 +222,10 @@ class Application:
         """The spanning tree of a version's topological space."""
         return tell_tree(self._models.get(name, version), (name, version))
 
+    def valid_keys(self) -> dict[str, AccessKey]:
+        """The access keys that are not revoked, by id; what was known last, while the store is away."""
+        return self._answers.get("the access keys", self._keys.valid)
+
     def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
         """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.
 
@@ -281,6 +293,8 @@ class Application:
             name=cloud.name,
             unit=cloud.unit,
             viewpoint=cloud.viewpoint,
+            camera=cloud.camera,
+            mask=cloud.mask,
             max_points=limit,
         )
 

@@ -11,7 +11,7 @@ from service.engine.errors import InvalidParameter, ShapeConceptsError, Unreadab
 from worker.learning.observations import NamedCloud
 from worker.simulation import SimulationParams, simulate
 
-BESIDE = {".csv", ".json"}  # endings of tables and manifests, which stand beside clouds though clouds may have them
+BESIDE = {".csv", ".json", ".png"}  # tables, manifests and pictures stand beside clouds, though clouds may end so
 
 
 class Source(Protocol):

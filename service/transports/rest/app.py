@@ -8,7 +8,7 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import batches, health, models, names, problems, responses
+from service.transports.rest import access, batches, health, models, names, problems, responses
 from service.transports.rest.encodings import Decoding
 
 WORTHWHILE = 4096  # bytes of the smallest answer that is compressed for those who accept it
@@ -27,6 +27,14 @@ def create_app(application: Application) -> FastAPI:
     app.add_middleware(Decoding)
     app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
     problems.install(app)
-    for module in (responses, batches, models, names, health):
-        app.include_router(module.router(application))
+    app.include_router(health.router(application))
+    for module, entering in (
+        (responses, access.needing(application, "answer")),
+        (batches, access.needing(application, "answer")),
+        (models, access.reading(application, otherwise="manage")),
+        (names, access.reading(application, otherwise="manage")),
+    ):
+        app.include_router(
+            module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)
+        )
     return app

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
-from service.clouds import FORMATS, UNITS
+from service.clouds import FORMATS, UNITS, parse_camera
 from service.transports.rest import examples
-from service.transports.rest.bodies import FIELD, Limits, receive_cloud
+from service.transports.rest.bodies import FIELD, MASK, Limits, receive_cloud
 from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
@@ -57,14 +57,22 @@ _JSON: dict[str, Any] = {
     "example": examples.CLOUD_JSON,
 }
 _CONTENTS = {"xyz": _TEXT, "json": _JSON}  # the others are binary
+_FILE = {"type": "string", "format": "binary"}
 _FORM: dict[str, Any] = {
-    "schema": {"type": "object", "required": [FIELD], "properties": {FIELD: {"type": "string", "format": "binary"}}}
+    "schema": {
+        "type": "object",
+        "required": [FIELD],
+        "properties": {
+            FIELD: _FILE | {"description": "the file of the cloud"},
+            MASK: _FILE | {"description": "for a depth image: PNG or NPY of its size, not 0 where the object is"},
+        },
+    }
 }
 _BODY = {
     "required": True,
     "description": "The file of a cloud, as the body itself or in the field `cloud` of a form: "
     + "; ".join(f"{entry.title} (`{entry.media_types[0]}`)" for entry in FORMATS.values())
-    + ". Sent as `application/octet-stream`, its content tells.",
+    + ". Sent as `application/octet-stream`, its content tells. A depth image comes with its `intrinsics`.",
     "content": {
         "application/octet-stream": _BINARY,
         **{entry.media_types[0]: _CONTENTS.get(entry.name, _BINARY) for entry in FORMATS.values()},
@@ -105,6 +113,21 @@ def router(application: Application) -> APIRouter:
         top: TopQuery = None,
         unit: UnitQuery = None,
         viewpoint: ViewpointQuery = None,
+        intrinsics: Annotated[
+            str | None,
+            Query(
+                max_length=200,
+                description="of the camera of a depth image: fx,fy,cx,cy, pixels; its pixels are numbered row by row",
+                examples=["525,525,319.5,239.5"],
+            ),
+        ] = None,
+        depth_scale: Annotated[
+            float | None,
+            Query(
+                gt=0,
+                description="metres that a depth of 1 stands for; by default 0.001 for whole numbers and 1 for floats",
+            ),
+        ] = None,
         detail: DetailQuery = None,
         stimuli: Annotated[
             bool, Query(description="whether the answer has the stimuli vector as well, as `detail=stimuli`")
@@ -120,12 +143,13 @@ def router(application: Application) -> APIRouter:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
         pose = None if viewpoint is None else parse_viewpoint(viewpoint)
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
+        camera = parse_camera(intrinsics, depth_scale)
         with application.intake.opened() as take:
-            data, format, name = await receive_cloud(request, limits, take)
+            data, format, name, mask = await receive_cloud(request, limits, take)
             with application.pool.admitted():
                 answer = await application.pool.run(
                     application.respond,
-                    CloudFile(data, format, name, unit, pose),
+                    CloudFile(data, format, name, unit, pose, camera, mask),
                     model=model,
                     version=version,
                     alias=alias,
