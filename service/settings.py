@@ -73,6 +73,7 @@ class Settings(BaseSettings):
     )
     body_timeout: float = Field(60.0, gt=0, description="longest time a request's body may take to arrive, seconds")
     body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
+    max_batch: int = Field(64, ge=1, le=1000, description="largest batch, clouds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
     max_objects: int = Field(
         64, ge=1, le=1000, description="objects of a scene that are answered, nearest first, objects"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from service.explanation import Explanation, Likeness
 from service.jobs import Job
 from service.keys import AccessKey
 from service.model_file import Manifest
+from service.proposals import Proposal
 from service.scene_answer import AnsweredObject, LeftOut, SceneAnswer
 
 SHADES = " .:-=+*#%@"  # from dark to bright
@@ -233,6 +234,33 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     }
     for name, value in rows.items():
         table.add_row(name, escape(str(value)))
+    Console().print(table)
+
+
+def show_names(names: Mapping[int, str]) -> None:
+    """Prints the names of concepts."""
+    table = Table()
+    table.add_column("concept", justify="right")
+    table.add_column("name")
+    for concept, name in names.items():
+        table.add_row(str(concept), escape(name))
+    Console().print(table)
+
+
+def show_proposals(proposals: list[Proposal], *, applied: bool) -> None:
+    """Prints the names that are proposed for concepts, and why."""
+    table = Table(caption="they are called so now" if applied else "nothing is stored; --apply gives these names")
+    for heading in ("concept", "proposed", "now", "share", "of clouds", "their labels"):
+        table.add_column(heading, justify="right" if heading in ("concept", "share", "of clouds") else "left")
+    for proposal in proposals:
+        table.add_row(
+            str(proposal.concept),
+            escape(proposal.name or f"- ({' and '.join(proposal.tied)} tie)"),
+            escape(proposal.current or "-"),
+            f"{proposal.share:.0%}",
+            str(proposal.support),
+            escape(", ".join(f"{label} {count}" for label, count in proposal.labels.items())),
+        )
     Console().print(table)
 
 

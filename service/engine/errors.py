@@ -75,6 +75,10 @@ class ModelNotFound(ShapeConceptsError):
     """The store has no model, version or alias of that name."""
 
 
+class ConceptNotFound(ShapeConceptsError):
+    """The version of the model has no concept of that id, at any filtration time."""
+
+
 class ModelDamaged(ShapeConceptsError):
     """The model's files are incomplete, altered, or not a shape model."""
 

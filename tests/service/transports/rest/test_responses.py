@@ -171,6 +171,31 @@ def test_an_answer_explains_itself_and_segments_every_point_when_it_is_asked_to(
         assert set(answer) - set(plain) == {"explanation", "point_segments"}
 
 
+@pytest.mark.parametrize(
+    ("params", "parts"),
+    [
+        ({}, {"responses", "distances"}),
+        ({"detail": "concepts"}, set()),
+        ({"detail": "responses"}, {"responses", "distances"}),
+        ({"detail": "stimuli"}, {"stimuli"}),
+        ({"detail": ["stimuli", "explanation"]}, {"stimuli", "explanation"}),
+        ({"detail": "concepts, segments"}, {"point_segments"}),
+        ({"detail": ["responses,stimuli", "segments"]}, {"responses", "distances", "stimuli", "point_segments"}),
+        ({"stimuli": True, "segments": True}, {"responses", "distances", "stimuli", "point_segments"}),
+        ({"detail": "concepts", "explain": True}, {"explanation"}),
+    ],
+)
+def test_detail_says_which_parts_an_answer_has_beside_the_ranked_concepts(
+    client: httpx.Client, application: Application, clouds: list[PointCloud], params: dict[str, Any], parts: set[str]
+) -> None:
+    whole = json.loads(application.respond(clouds[0], stimuli=True, explain=True, segments=True).model_dump_json())
+    answer = answer_of(client.post("/v1/responses", params=params, content=write_ply(clouds[0])))
+    optional = {"responses", "distances", "stimuli", "explanation", "point_segments"}
+    assert optional & set(answer) == parts
+    assert set(whole) - set(answer) == optional - parts | {"timings_ms"}
+    assert answer == {key: whole[key] for key in answer}
+
+
 def test_points_that_were_not_measured_keep_their_places(client: httpx.Client, clouds: list[PointCloud]) -> None:
     """As an organised cloud has them: a row of NaN wherever nothing returned."""
     lines = as_xyz(clouds[0]).splitlines(keepends=True)
@@ -261,6 +286,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a contradiction", 422, "invalid-parameter", {**XYZ, "params": {"model": "tiny:1", "version": 1}}),
     ("a time of 2", 422, "invalid-parameter", {**XYZ, "params": {"time": 2}}),
     ("a time of NaN", 422, "invalid-parameter", {**XYZ, "params": {"time": "nan"}}),
+    ("an unknown detail", 422, "invalid-parameter", {**XYZ, "params": {"detail": "concepts,all"}}),
     ("half an explanation", 422, "invalid-parameter", {**XYZ, "params": {"explain": "half"}}),
     ("two segments", 422, "invalid-parameter", {**XYZ, "params": {"segments": 2}}),
     ("no concepts", 422, "invalid-parameter", {**XYZ, "params": {"top": 0}}),
@@ -268,6 +294,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a misspelt parameter", 422, "invalid-parameter", {**XYZ, "params": {"toop": 1}}),
     ("version x", 422, "invalid-parameter", {**XYZ, "params": {"version": "x"}}),
     ("an unknown unit", 422, "invalid-parameter", {**XYZ, "params": {"unit": "furlong"}}),
+    ("no viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": ""}}),
     ("half a viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": "1,2"}}),
     ("a body too large", 413, "content-too-large", {"content": bytes(2**20 + 1)}),
 ]  # fmt: skip
@@ -305,6 +332,7 @@ def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> 
         "explain",
         "segments",
         "scene",
+        "detail",
     ):
         assert f" {name}" in detail
     listed = client.get("/v1/models", params={"name": "tiny"})
