@@ -37,7 +37,7 @@ def serving(store: str) -> Iterator[tuple[subprocess.Popen[bytes], httpx.Client]
     """A process that serves a store, once it answers."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port), "--store", store]
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port), "--grpc-port", "0", "--store", store]
     with (
         subprocess.Popen(command, stderr=subprocess.PIPE) as process,
         httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,
@@ -79,7 +79,7 @@ def test_a_model_published_meanwhile_is_served_without_a_restart(store: str, tmp
 def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        command = [sys.executable, "-m", "service.cli", "serve", "--port", port, "--store", store]
+        command = [sys.executable, "-m", "service.cli", "serve", "--port", port, "--grpc-port", "0", "--store", store]
         ended = subprocess.run(command, capture_output=True, timeout=60, check=False)
     assert ended.returncode == 1
     assert b"address already in use" in ended.stderr
