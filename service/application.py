@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from service import clouds
+from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
+from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.model_file import Manifest
 from service.pool import Intake, Pool
@@ -30,17 +32,21 @@ class CloudFile(NamedTuple):
 
     Attributes:
         data: the bytes of the file.
-        format: "pcd", "ply", "xyz", "npy" or "npz"; None to tell it from the content, then from the name's ending.
+        format: one of clouds.FORMATS; None to tell it from the content, then from the name's ending.
         name: of the file, if it has one.
-        unit: of the coordinates: m, cm, mm, ...
+        unit: of the coordinates: m, cm, mm, ...; None where the file says so itself or it is metres.
         viewpoint: pose of the sensor in the cloud's frame; None where the file says so itself or it is the origin.
+        camera: that took the depth image which the file is; None where it is none.
+        mask: the file of a depth image's mask, if it has one.
     """
 
     data: bytes
     format: str | None = None
     name: str = ""
-    unit: str = "m"
+    unit: str | None = None
     viewpoint: clouds.Viewpoint | None = None
+    camera: clouds.DepthCamera | None = None
+    mask: bytes | None = None
 
 
 class ModelSummary(BaseModel):
@@ -74,6 +80,8 @@ class Application:
         self._jobs = Jobs(settings.jobs_url)
         self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
+        self._keys = KeyStore(settings.store)
+        self.access = Gate(self.valid_keys if needs_keys(settings) else None)
 
     def close(self) -> None:
         """Waits for the work under way."""
@@ -175,6 +183,10 @@ class Application:
         """How a version was made."""
         return self.store.manifest(name, version)
 
+    def valid_keys(self) -> dict[str, AccessKey]:
+        """The access keys that are not revoked, by id; what was known last, while the store is away."""
+        return self._answers.get("the access keys", self._keys.valid)
+
     def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
         """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.
 
@@ -237,6 +249,8 @@ class Application:
             name=cloud.name,
             unit=cloud.unit,
             viewpoint=cloud.viewpoint,
+            camera=cloud.camera,
+            mask=cloud.mask,
             max_points=limit,
         )
 

@@ -33,7 +33,7 @@ def to_cloud(message: cloud_pb2.Cloud) -> CloudFile:
         UnreadableCloud: packed points that are not three float32 each.
         InvalidParameter: a viewpoint that is no pose.
     """
-    unit = message.unit or "m"
+    unit = message.unit or None
     viewpoint = _to_viewpoint(message.viewpoint) if message.HasField("viewpoint") else None
     if message.WhichOneof("content") == "points":
         return CloudFile(_as_npy(message.points.xyz), "npy", unit=unit, viewpoint=viewpoint)

@@ -10,6 +10,8 @@ from typing import Any
 from service.engine.errors import (
     ModelDamaged,
     ModelNotFound,
+    NotAllowed,
+    NotAuthenticated,
     Overloaded,
     ShapeConceptsError,
     StoreUnavailable,
@@ -39,6 +41,11 @@ def _corner(edge: float = 0.08, step: float = 0.01, distance: float = 0.6) -> st
 
 
 CLOUD_XYZ = _corner()
+CLOUD_JSON: dict[str, Any] = {
+    "points": [[float(word) for word in line.split()] for line in CLOUD_XYZ.splitlines()],
+    "unit": "m",
+    "viewpoint": [0, 0, 0],
+}
 
 ANSWER: dict[str, Any] = {
     "model": "default",
@@ -242,12 +249,14 @@ MANIFEST: dict[str, Any] = {
 }
 
 _ERRORS: tuple[ShapeConceptsError, ...] = (
+    NotAuthenticated("An access key is needed; ask the operator of the service for one."),
+    NotAllowed("The access key 'robot-7' allows to answer, not to manage."),
     UnreadableCloud("The form has no file in the field 'cloud': send it with -F cloud=@FILE."),
     ModelNotFound("There is no 'mugs@production'. The store holds: default."),
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),
-    UnsupportedFormat("no format has the media type 'image/png'; send application/octet-stream: the content tells"),
+    UnsupportedFormat("no format has the media type 'image/jpeg'; send application/octet-stream: the content tells"),
     TooFewPoints(
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."

@@ -6,6 +6,7 @@ import pytest
 
 from service.clouds.formats import FORMATS, by_content, by_media_type, tell
 from service.engine.errors import UnsupportedFormat
+from tests.conftest import ROOT
 from tests.service.clouds.written import every_kind, some_points
 
 KINDS = every_kind(some_points())
@@ -36,7 +37,7 @@ def test_lines_that_read_like_points_are_xyz(text: bytes):
 
 
 @pytest.mark.parametrize(
-    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"\x00"]
+    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"[1, 2, 3]", b"\x00"]
 )
 def test_anything_else_is_refused_with_the_formats_that_exist(data: bytes):
     with pytest.raises(UnsupportedFormat) as refused:
@@ -52,6 +53,13 @@ def test_media_types_name_formats():
     assert by_media_type("Text/CSV; charset=utf-8") == "xyz"
 
 
+def test_cdr_may_say_which_message_it_is_and_no_other_than_a_cloud():
+    for said in ("", "; type=sensor_msgs/msg/PointCloud2", ";sensor_msgs::msg::dds_::PointCloud2_"):
+        assert by_media_type("application/cdr" + said) == "pointcloud2"
+    with pytest.raises(UnsupportedFormat, match="PointCloud2 is read"):
+        by_media_type("application/x-ros-cdr; type=sensor_msgs/msg/Image")
+
+
 @pytest.mark.parametrize("media_type", ["", "application/octet-stream", "text/plain; charset=utf-8"])
 def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
     assert by_media_type(media_type) is None
@@ -59,10 +67,16 @@ def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
 
 def test_foreign_media_types_are_refused_with_those_that_exist():
     with pytest.raises(UnsupportedFormat, match="model/ply"):
-        by_media_type("image/png")
+        by_media_type("image/jpeg")
 
 
 def test_no_two_formats_share_an_ending_or_a_media_type():
     for attribute in ("endings", "media_types"):
         every = [value for entry in FORMATS.values() for value in getattr(entry, attribute)]
         assert len(every) == len(set(every))
+
+
+def test_the_readme_names_every_format_that_is_read():
+    readme = (ROOT / "README.md").read_text()
+    for entry in FORMATS.values():
+        assert f"`{entry.media_types[0]}`" in readme, entry.name

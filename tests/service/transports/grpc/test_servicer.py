@@ -100,7 +100,7 @@ def test_a_unit_and_a_viewpoint_mean_what_they_mean_over_rest(
 
 def test_a_batch_gives_each_cloud_its_answer_or_its_error_in_order(stub: Stub, clouds: list[PointCloud]) -> None:
     alone = [told(stub.Respond(RespondRequest(cloud=as_file(cloud))).answer) for cloud in clouds[:5]]
-    bad = Cloud(file=CloudFile(data=b"\x89PNG", name="cat.png"))
+    bad = Cloud(file=CloudFile(data=b"GIF89a\0", name="cat.gif"))
     sent = [bad, *map(as_file, clouds[:5]), Cloud(), bad]
     responses = list(stub.RespondBatch(RespondBatchRequest(clouds=sent)))
     assert [response.index for response in responses] == list(range(len(sent)))
