@@ -7,11 +7,15 @@ You will see a line for each file: how new the object is to the model, and the t
 best first, each with its response (smaller is closer). Of a file that cannot be answered you will see why, and the
 exit code is 1. One file is sent as a single call. Several are sent as a stream: the service takes in a few at a time,
 so that the next file is read only when there is room for it, and answers come while later files are not yet read.
+
+Where the service asks for an access key, put it into the environment as ACCESS_KEY; where it has TLS with a certificate
+of its own, name that with --certificate.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,10 +38,11 @@ def main() -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="PCD, PLY, XYZ, NPY or NPZ")
     parser.add_argument("--address", default="localhost:8001", help="of the service (default: %(default)s)")
     parser.add_argument("--model", default="", help="NAME, NAME@ALIAS or NAME:VERSION (default: the service's)")
+    parser.add_argument("--certificate", type=Path, help="PEM file of who signed the service's (default: no TLS)")
     given = parser.parse_args()
 
     options = Options(model=given.model, top=3)
-    with grpc.insecure_channel(given.address) as channel:
+    with connect(given.address, given.certificate) as channel:
         stub = ShapeConceptsServiceStub(channel)
         try:
             if len(given.files) == 1:
@@ -50,9 +55,23 @@ def main() -> None:
     sys.exit(0 if all_answered else 1)
 
 
+def connect(address: str, certificate: Path | None) -> grpc.Channel:
+    """A channel to the service, over TLS where there is a certificate to trust."""
+    if certificate is None:
+        return grpc.insecure_channel(address)
+    return grpc.secure_channel(address, grpc.ssl_channel_credentials(certificate.read_bytes()))
+
+
+def who_asks() -> list[tuple[str, str]]:
+    """The metadata of every call: the access key, if there is one."""
+    key = os.environ.get("ACCESS_KEY")
+    return [("authorization", f"Bearer {key}")] if key else []
+
+
 def ask(stub: ShapeConceptsServiceStub, file: Path, options: Options) -> bool:
     """Sends one cloud and waits for its answer."""
-    response = stub.Respond(RespondRequest(cloud=cloud_of(file), options=options), timeout=DEADLINE)
+    request = RespondRequest(cloud=cloud_of(file), options=options)
+    response = stub.Respond(request, timeout=DEADLINE, metadata=who_asks())
     print(line(file, response.answer))
     return True
 
@@ -65,7 +84,7 @@ def ask_as_stream(stub: ShapeConceptsServiceStub, files: list[Path], options: Op
             yield RespondStreamRequest(sequence=number, cloud=cloud_of(file), options=options)
 
     all_answered = True
-    for response in stub.RespondStream(requests()):
+    for response in stub.RespondStream(requests(), metadata=who_asks()):
         file = files[response.sequence]
         if response.HasField("answer"):
             print(line(file, response.answer))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import socket
@@ -11,13 +12,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import grpc
 import pytest
 from grpc_health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from grpc_health.v1.health_pb2_grpc import HealthStub
 
 from service.clouds import write_ply
+from service.examples.grpc_client import connect
+from service.keys import KeyStore
 from service.store import ModelStore
+from tests.certificates import Certificate, make_certificate
 from tests.learnt import learnt, objects
 
 PATIENCE = 60.0  # seconds that anything may take
@@ -31,17 +34,22 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @contextmanager
-def serving(store: str, log: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+def serving(
+    store: str, log: Path, tls: Certificate | None = None, **settings: str
+) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """A process that serves a store, once it is healthy, and where it listens."""
+    if tls:
+        settings |= {"tls_certificate": str(tls.certificate), "tls_key": str(tls.key)}
+    environment = os.environ | {f"SHAPE_CONCEPTS_{name.upper()}": value for name, value in settings.items()}
     command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--grpc-port", "0", "--store", store]
     with log.open("wb") as stderr:
-        process = subprocess.Popen(command, stderr=stderr)
+        process = subprocess.Popen(command, stderr=stderr, env=environment)
     try:
         found = None
         while found is None:
             assert process.poll() is None
             found = re.search(r"gRPC on (\S+)", log.read_text())
-        with grpc.insecure_channel(found[1]) as channel:
+        with connect(found[1], tls and tls.certificate) as channel:
             status = None
             while status != HealthCheckResponse.SERVING:
                 status = HealthStub(channel).Check(HealthCheckRequest(), wait_for_ready=True, timeout=PATIENCE).status
@@ -51,9 +59,10 @@ def serving(store: str, log: Path) -> Iterator[tuple[subprocess.Popen[bytes], st
         process.wait()
 
 
-def client(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def client(*arguments: str | Path, key: str = "") -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "service.examples.grpc_client", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    environment = os.environ | {"ACCESS_KEY": key}
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False, env=environment)
 
 
 def test_the_example_client_does_what_it_says(store: str, tmp_path: Path) -> None:
@@ -80,6 +89,19 @@ def test_the_example_client_does_what_it_says(store: str, tmp_path: Path) -> Non
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0
     assert "Traceback" not in (tmp_path / "log").read_text()
+
+
+def test_a_key_opens_what_TLS_protects(store: str, tmp_path: Path) -> None:
+    file = tmp_path / "cloud.ply"
+    file.write_bytes(write_ply(objects()[0].cloud))
+    tls = make_certificate(tmp_path)
+    key = KeyStore(store).create("robot", ("answer",)).text
+    with serving(store, tmp_path / "log", tls, access="keys") as (_, address):
+        secure = ("--address", address, "--certificate", tls.certificate, file)
+        assert client(*secure, key=key).returncode == 0
+        assert client(*secure).stderr.startswith("UNAUTHENTICATED: ")
+        plain = client("--address", address, file, key=key)
+        assert (plain.returncode, plain.stderr.startswith("UNAVAILABLE: ")) == (1, True)
 
 
 def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import aclosing, contextmanager
+from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
 from typing import Any, NamedTuple
@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 import grpc
 from google.protobuf.message import DecodeError
 
+from service.access import Gate
 from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
+from service.scopes import Scope
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
@@ -22,6 +24,7 @@ from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
 log = logging.getLogger(__name__)
 
 SERVICE = service_pb2.DESCRIPTOR.services_by_name["ShapeConceptsService"].full_name
+SCOPE: Scope = "answer"  # what every call does: nothing is altered
 REQUEST_ID = "x-request-id"
 DETAILS = "grpc-status-details-bin"  # where gRPC's clients look for a google.rpc.Status
 
@@ -53,11 +56,13 @@ class Guard(grpc.aio.ServerInterceptor):
     and that bytes which are no message are told from an error of ours.
 
     Args:
+        gate: lets callers in by their access keys.
         calls: how many may be open at a time.
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
     """
 
-    def __init__(self, calls: int, timeout: float) -> None:
+    def __init__(self, gate: Gate, calls: int, timeout: float) -> None:
+        self._gate = gate
         self._limit = calls
         self._timeout = timeout
         self._open = 0
@@ -95,9 +100,8 @@ class Guard(grpc.aio.ServerInterceptor):
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
         try:
             with self._entered():
-                # Whether the caller's key, in context.invocation_metadata(), allows the method is to be asked here:
-                # nothing of the message has been received yet.
-                await self._behave(handler, context)
+                async with self._let_in(_key_of(context)):  # before anything of a message is received
+                    await self._behave(handler, context)
         except Exception as error:
             problem = _tell(error, request_id)
             _log(problem, error, f"{request_id} {method}")
@@ -119,6 +123,22 @@ class Guard(grpc.aio.ServerInterceptor):
             self._open -= 1
             if not self._open:
                 self._none_open.set()
+
+    @asynccontextmanager
+    async def _let_in(self, key: str | None) -> AsyncIterator[None]:
+        """Asks the gate; on a thread where it may have to ask the store."""
+        with ExitStack() as stack:
+            entered = self._gate.entered(key, SCOPE)
+            if self._gate.open:
+                stack.enter_context(entered)
+            else:
+                entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
+                try:
+                    await asyncio.shield(entering)
+                except asyncio.CancelledError:
+                    await asyncio.gather(entering, return_exceptions=True)
+                    raise
+            yield
 
     async def _behave(self, handler: Any, context: Any) -> None:
         if handler.request_streaming:
@@ -170,6 +190,15 @@ class Guard(grpc.aio.ServerInterceptor):
 def problem_of(error: ShapeConceptsError) -> service_pb2.Problem:
     """An error of one cloud of several, told in the call that is being answered."""
     return messages.to_problem(*_tell(error, _request_id.get()))
+
+
+def _key_of(context: Any) -> str | None:
+    """The access key in a call's metadata, `authorization: Bearer KEY`."""
+    for name, value in context.invocation_metadata() or ():
+        if name == "authorization" and isinstance(value, str):
+            kind, _, key = value.partition(" ")
+            return key.strip() if kind.lower() == "bearer" else None
+    return None
 
 
 def _log(problem: _Problem, error: Exception, call: str) -> None:

@@ -48,7 +48,7 @@ async def serving(application: Application, grace: float) -> AsyncIterator[int |
     if settings.grpc_port < 0:
         yield None
         return
-    guard = Guard(CALLS, settings.body_timeout)
+    guard = Guard(application.access, CALLS, settings.body_timeout)
     server = grpc.aio.server(
         interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
     )
@@ -59,7 +59,7 @@ async def serving(application: Application, grace: float) -> AsyncIterator[int |
     port = _listen(server, settings)
     watching = asyncio.create_task(_watch(application, states))
     await server.start()
-    log.info("gRPC on %s:%d", settings.host, port)
+    log.info("gRPC on %s:%d%s", settings.host, port, " with TLS" if settings.tls_certificate else "")
     try:
         yield port
     finally:
@@ -86,8 +86,11 @@ def _listen(server: grpc.aio.Server, settings: Settings) -> int:
     host = f"[{settings.host}]" if ":" in settings.host else settings.host
     address = f"{host}:{settings.grpc_port}"
     try:
+        if settings.tls_certificate and settings.tls_key:
+            files = (settings.tls_key.read_bytes(), settings.tls_certificate.read_bytes())
+            return int(server.add_secure_port(address, grpc.ssl_server_credentials([files])))
         return int(server.add_insecure_port(address))
-    except RuntimeError as error:
+    except (RuntimeError, OSError) as error:
         log.error("gRPC cannot listen on %s: %s. Give another port with --grpc-port; -1 for no gRPC.", address, error)
         raise SystemExit(1) from None
 

@@ -30,7 +30,8 @@ class ShapeConceptsServiceStub:
 
     A call that fails has a google.rpc.Status with an ErrorInfo, which holds the fields of `Problem`, a RequestInfo, and
     a RetryInfo where the same call may succeed a little later. Every call bears its id in the trailing metadata
-    `x-request-id`, as the service logs it.
+    `x-request-id`, as the service logs it. Where the service asks for access keys, a call has the metadata
+    `authorization: Bearer KEY`.
     """
 
     def __init__(self, channel):
@@ -71,7 +72,8 @@ class ShapeConceptsServiceServicer:
 
     A call that fails has a google.rpc.Status with an ErrorInfo, which holds the fields of `Problem`, a RequestInfo, and
     a RetryInfo where the same call may succeed a little later. Every call bears its id in the trailing metadata
-    `x-request-id`, as the service logs it.
+    `x-request-id`, as the service logs it. Where the service asks for access keys, a call has the metadata
+    `authorization: Bearer KEY`.
     """
 
     def Respond(self, request, context):
@@ -152,7 +154,8 @@ class ShapeConceptsService:
 
     A call that fails has a google.rpc.Status with an ErrorInfo, which holds the fields of `Problem`, a RequestInfo, and
     a RetryInfo where the same call may succeed a little later. Every call bears its id in the trailing metadata
-    `x-request-id`, as the service logs it.
+    `x-request-id`, as the service logs it. Where the service asks for access keys, a call has the metadata
+    `authorization: Bearer KEY`.
     """
 
     @staticmethod
