@@ -14,7 +14,7 @@ from grpc import StatusCode
 
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
-from service.clouds import Viewpoint
+from service.clouds import DepthCamera, Viewpoint
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.model_file import Manifest
 from service.transports import errors
@@ -31,14 +31,15 @@ def to_cloud(message: cloud_pb2.Cloud) -> CloudFile:
 
     Raises:
         UnreadableCloud: packed points that are not three float32 each.
-        InvalidParameter: a viewpoint that is no pose.
+        InvalidParameter: a viewpoint that is no pose, or a camera that is none.
     """
     unit = message.unit or None
     viewpoint = _to_viewpoint(message.viewpoint) if message.HasField("viewpoint") else None
     if message.WhichOneof("content") == "points":
         return CloudFile(_as_npy(message.points.xyz), "npy", unit=unit, viewpoint=viewpoint)
     file = message.file
-    return CloudFile(file.data, file.format or None, file.name, unit, viewpoint)
+    camera = _to_camera(file.camera) if file.HasField("camera") else None
+    return CloudFile(file.data, file.format or None, file.name, unit, viewpoint, camera, file.mask or None)
 
 
 def to_options(message: answer_pb2.Options) -> dict[str, Any]:
@@ -127,6 +128,10 @@ def _to_viewpoint(message: cloud_pb2.Viewpoint) -> Viewpoint:
     if not message.HasField("orientation"):
         return Viewpoint(where)
     return Viewpoint(where, (turn.w, turn.x, turn.y, turn.z))
+
+
+def _to_camera(message: cloud_pb2.DepthCamera) -> DepthCamera:
+    return DepthCamera(message.fx, message.fy, message.cx, message.cy, _optional(message, "scale"))
 
 
 def _as_npy(xyz: bytes) -> bytes:

@@ -106,6 +106,20 @@ def test_a_file_comes_with_what_is_said_of_it() -> None:
     assert messages.to_cloud(cloud_pb2.Cloud()) == CloudFile(b"")
 
 
+def test_a_depth_image_comes_with_its_camera_and_mask() -> None:
+    camera = cloud_pb2.DepthCamera(fx=525, fy=520, cx=319.5, cy=239.5)
+    sent = cloud_pb2.Cloud(file=cloud_pb2.CloudFile(data=b"x", format="png", camera=camera, mask=b"m"))
+    cloud = messages.to_cloud(sent)
+    assert (cloud.camera, cloud.mask) == (formats.DepthCamera(525, 520, 319.5, 239.5), b"m")
+    sent.file.camera.scale = 0.0002
+    assert messages.to_cloud(sent).camera == formats.DepthCamera(525, 520, 319.5, 239.5, 0.0002)
+    for wrong in ({"fx": float("nan")}, {"cx": float("inf")}, {"scale": 0.0}):
+        values = {"fx": 525, "fy": 520, "cx": 319.5, "cy": 239.5, **wrong}
+        file = cloud_pb2.CloudFile(data=b"x", camera=cloud_pb2.DepthCamera(**values))
+        with pytest.raises(InvalidParameter):
+            messages.to_cloud(cloud_pb2.Cloud(file=file))
+
+
 def test_a_viewpoint_is_a_position_and_a_turn_of_which_both_may_be_left_out() -> None:
     position = cloud_pb2.Position(x=1, y=2, z=3)
     turn = cloud_pb2.Orientation(w=0, x=1, y=0, z=0)

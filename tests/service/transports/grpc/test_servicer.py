@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import threading
 import time
@@ -25,6 +26,7 @@ from service.transports.grpc.generated.shapeconcepts.v1.answer_pb2 import Answer
 from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (
     Cloud,
     CloudFile,
+    DepthCamera,
     Orientation,
     PackedPoints,
     Position,
@@ -96,6 +98,23 @@ def test_a_unit_and_a_viewpoint_mean_what_they_mean_over_rest(
         sent.unit = "mm"
         sent.viewpoint.CopyFrom(pose)
         assert told(stub.Respond(RespondRequest(cloud=sent)).answer) == expected
+
+
+def test_a_depth_image_is_answered_as_its_points(stub: Stub) -> None:
+    """A ball, 12 cm across, 0.8 m before a camera of 525 pixels focal length."""
+    v, u = np.mgrid[:160, :160]
+    ray = np.stack([(u - 80) / 525, (v - 80) / 525, np.ones_like(u)], axis=-1)
+    middle, square = ray[..., 2] * 0.8, (ray**2).sum(axis=-1)
+    depth = (middle - np.sqrt(np.maximum(middle**2 - square * (0.8**2 - 0.06**2), 0))) / square
+    depth[middle**2 < square * (0.8**2 - 0.06**2)] = 0
+    buffer = io.BytesIO()
+    np.save(buffer, depth.astype("<f4"))
+    image = CloudFile(data=buffer.getvalue(), camera=DepthCamera(fx=525, fy=525, cx=80, cy=80))
+    answer = stub.Respond(RespondRequest(cloud=Cloud(file=image))).answer
+    xyz = (ray * depth.astype(np.float32)[..., None])[depth > 0].astype("<f4")
+    expected = stub.Respond(RespondRequest(cloud=Cloud(points=PackedPoints(xyz=xyz.tobytes())))).answer
+    assert answer.extent_m == pytest.approx(expected.extent_m, rel=1e-5)
+    np.testing.assert_allclose(answer.responses, expected.responses, rtol=1e-3)
 
 
 def test_a_batch_gives_each_cloud_its_answer_or_its_error_in_order(stub: Stub, clouds: list[PointCloud]) -> None:

@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cshapeconcepts/v1/cloud.proto\x12\x10shapeconcepts.v1\"\xaf\x01\n\x05\x43loud\x12+\n\x04\x66ile\x18\x01 \x01(\x0b\x32\x1b.shapeconcepts.v1.CloudFileH\x00\x12\x30\n\x06points\x18\x02 \x01(\x0b\x32\x1e.shapeconcepts.v1.PackedPointsH\x00\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12.\n\tviewpoint\x18\x04 \x01(\x0b\x32\x1b.shapeconcepts.v1.ViewpointB\t\n\x07\x63ontent\"7\n\tCloudFile\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x66ormat\x18\x02 \x01(\t\x12\x0c\n\x04name\x18\x03 \x01(\t\"\x1b\n\x0cPackedPoints\x12\x0b\n\x03xyz\x18\x01 \x01(\x0c\"m\n\tViewpoint\x12,\n\x08position\x18\x01 \x01(\x0b\x32\x1a.shapeconcepts.v1.Position\x12\x32\n\x0borientation\x18\x02 \x01(\x0b\x32\x1d.shapeconcepts.v1.Orientation\"+\n\x08Position\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\t\n\x01z\x18\x03 \x01(\x01\"9\n\x0bOrientation\x12\t\n\x01w\x18\x01 \x01(\x01\x12\t\n\x01x\x18\x02 \x01(\x01\x12\t\n\x01y\x18\x03 \x01(\x01\x12\t\n\x01z\x18\x04 \x01(\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cshapeconcepts/v1/cloud.proto\x12\x10shapeconcepts.v1\"\xaf\x01\n\x05\x43loud\x12+\n\x04\x66ile\x18\x01 \x01(\x0b\x32\x1b.shapeconcepts.v1.CloudFileH\x00\x12\x30\n\x06points\x18\x02 \x01(\x0b\x32\x1e.shapeconcepts.v1.PackedPointsH\x00\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12.\n\tviewpoint\x18\x04 \x01(\x0b\x32\x1b.shapeconcepts.v1.ViewpointB\t\n\x07\x63ontent\"t\n\tCloudFile\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x66ormat\x18\x02 \x01(\t\x12\x0c\n\x04name\x18\x03 \x01(\t\x12-\n\x06\x63\x61mera\x18\x04 \x01(\x0b\x32\x1d.shapeconcepts.v1.DepthCamera\x12\x0c\n\x04mask\x18\x05 \x01(\x0c\"[\n\x0b\x44\x65pthCamera\x12\n\n\x02\x66x\x18\x01 \x01(\x01\x12\n\n\x02\x66y\x18\x02 \x01(\x01\x12\n\n\x02\x63x\x18\x03 \x01(\x01\x12\n\n\x02\x63y\x18\x04 \x01(\x01\x12\x12\n\x05scale\x18\x05 \x01(\x01H\x00\x88\x01\x01\x42\x08\n\x06_scale\"\x1b\n\x0cPackedPoints\x12\x0b\n\x03xyz\x18\x01 \x01(\x0c\"m\n\tViewpoint\x12,\n\x08position\x18\x01 \x01(\x0b\x32\x1a.shapeconcepts.v1.Position\x12\x32\n\x0borientation\x18\x02 \x01(\x0b\x32\x1d.shapeconcepts.v1.Orientation\"+\n\x08Position\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\t\n\x01z\x18\x03 \x01(\x01\"9\n\x0bOrientation\x12\t\n\x01w\x18\x01 \x01(\x01\x12\t\n\x01x\x18\x02 \x01(\x01\x12\t\n\x01y\x18\x03 \x01(\x01\x12\t\n\x01z\x18\x04 \x01(\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -34,13 +34,15 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_CLOUD']._serialized_start=51
   _globals['_CLOUD']._serialized_end=226
   _globals['_CLOUDFILE']._serialized_start=228
-  _globals['_CLOUDFILE']._serialized_end=283
-  _globals['_PACKEDPOINTS']._serialized_start=285
-  _globals['_PACKEDPOINTS']._serialized_end=312
-  _globals['_VIEWPOINT']._serialized_start=314
-  _globals['_VIEWPOINT']._serialized_end=423
-  _globals['_POSITION']._serialized_start=425
-  _globals['_POSITION']._serialized_end=468
-  _globals['_ORIENTATION']._serialized_start=470
-  _globals['_ORIENTATION']._serialized_end=527
+  _globals['_CLOUDFILE']._serialized_end=344
+  _globals['_DEPTHCAMERA']._serialized_start=346
+  _globals['_DEPTHCAMERA']._serialized_end=437
+  _globals['_PACKEDPOINTS']._serialized_start=439
+  _globals['_PACKEDPOINTS']._serialized_end=466
+  _globals['_VIEWPOINT']._serialized_start=468
+  _globals['_VIEWPOINT']._serialized_end=577
+  _globals['_POSITION']._serialized_start=579
+  _globals['_POSITION']._serialized_end=622
+  _globals['_ORIENTATION']._serialized_start=624
+  _globals['_ORIENTATION']._serialized_end=681
 # @@protoc_insertion_point(module_scope)

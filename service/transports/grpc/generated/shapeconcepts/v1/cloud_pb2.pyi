@@ -18,14 +18,32 @@ class Cloud(_message.Message):
     def __init__(self, file: _Optional[_Union[CloudFile, _Mapping]] = ..., points: _Optional[_Union[PackedPoints, _Mapping]] = ..., unit: _Optional[str] = ..., viewpoint: _Optional[_Union[Viewpoint, _Mapping]] = ...) -> None: ...
 
 class CloudFile(_message.Message):
-    __slots__ = ("data", "format", "name")
+    __slots__ = ("data", "format", "name", "camera", "mask")
     DATA_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    MASK_FIELD_NUMBER: _ClassVar[int]
     data: bytes
     format: str
     name: str
-    def __init__(self, data: _Optional[bytes] = ..., format: _Optional[str] = ..., name: _Optional[str] = ...) -> None: ...
+    camera: DepthCamera
+    mask: bytes
+    def __init__(self, data: _Optional[bytes] = ..., format: _Optional[str] = ..., name: _Optional[str] = ..., camera: _Optional[_Union[DepthCamera, _Mapping]] = ..., mask: _Optional[bytes] = ...) -> None: ...
+
+class DepthCamera(_message.Message):
+    __slots__ = ("fx", "fy", "cx", "cy", "scale")
+    FX_FIELD_NUMBER: _ClassVar[int]
+    FY_FIELD_NUMBER: _ClassVar[int]
+    CX_FIELD_NUMBER: _ClassVar[int]
+    CY_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    scale: float
+    def __init__(self, fx: _Optional[float] = ..., fy: _Optional[float] = ..., cx: _Optional[float] = ..., cy: _Optional[float] = ..., scale: _Optional[float] = ...) -> None: ...
 
 class PackedPoints(_message.Message):
     __slots__ = ("xyz",)
