@@ -16,15 +16,17 @@ from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
+from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.model_file import Manifest
 from service.pool import Intake, Pool
+from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.settings import Settings
 from service.store import NO_MODEL, PRODUCTION, ModelStore
+from service.tabletop import cut_out, find_objects
 
 
 class CloudFile(NamedTuple):
@@ -121,8 +123,7 @@ class Application:
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
         """
-        if top is not None and top < 1:
-            raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
+        _check_top(top)
         name, number = self.which(model, version, alias)
         shape_model = self._models.get(name, number)
         timings = _Timings(on_stage)
@@ -130,6 +131,53 @@ class Application:
         points = self._points(cloud)
         response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=timings.begin)
         return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli)
+
+    def respond_scene(
+        self,
+        scene: CloudFile | clouds.SceneCloud,
+        *,
+        model: str | None = None,
+        version: int | None = None,
+        alias: str | None = None,
+        time: float | None = None,
+        top: int | None = None,
+        stimuli: bool = False,
+        explain: bool = False,
+        segments: bool = False,
+        on_stage: OnStage = ignore_stage,
+    ) -> SceneAnswer:
+        """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
+
+        An object that cannot be answered is told with its error, and keeps no other from its answer. Arguments and
+        errors are those of `respond`, for each object; `segments` also says which object each point is part of.
+
+        Raises:
+            NoSupportingPlane: there is nothing that objects could stand on.
+        """
+        _check_top(top)
+        name, number = self.which(model, version, alias)
+        shape_model = self._models.get(name, number)
+        timings = _Timings(on_stage)
+        timings.begin("decode")
+        sent = self._scene(scene)
+        timings.begin("tabletop")
+        seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
+        answers: list[Answer | Refusal] = []
+        for one in seen.objects:
+            own = _Timings(timings.begin)
+            try:
+                response = shape_model.respond(
+                    cut_out(sent.cloud, one, seen.plane),
+                    time=time,
+                    explain=explain,
+                    segments=segments,
+                    on_stage=own.begin,
+                )
+            except InvalidCloud as error:
+                answers.append(refuse(error))
+            else:
+                answers.append(compose(response, (name, number), own.end(), top=top, stimuli=stimuli))
+        return compose_scene(sent, seen, answers, (name, number), timings.end(), points=segments)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant.
@@ -238,12 +286,15 @@ class Application:
         return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
+        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud
+
+    def _scene(self, cloud: CloudFile | clouds.SceneCloud) -> clouds.SceneCloud:
         limit = self.settings.max_points
-        if isinstance(cloud, PointCloud):
-            if len(cloud.points) > limit:
-                raise TooManyPoints(f"The cloud has {len(cloud.points)} points; at most {limit} are taken.")
+        if isinstance(cloud, clouds.SceneCloud):
+            if len(cloud.cloud.points) > limit:
+                raise TooManyPoints(f"The cloud has {len(cloud.cloud.points)} points; at most {limit} are taken.")
             return cloud
-        return clouds.read(
+        return clouds.read_scene(
             cloud.data,
             cloud.format,
             name=cloud.name,
@@ -290,6 +341,11 @@ def parse_viewpoint(text: str) -> clouds.Viewpoint:
     except ValueError:
         raise InvalidParameter(f"The viewpoint is numbers, separated by commas; it was '{text[:100]}'.") from None
     return clouds.Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]) if turn else (1.0, 0.0, 0.0, 0.0))
+
+
+def _check_top(top: int | None) -> None:
+    if top is not None and top < 1:
+        raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
 
 
 class _Timings:

@@ -26,6 +26,7 @@ from service.model_file import encode
 from service.settings import Settings
 from service.store import ModelStore
 from tests.service.clouds.written import npy, png
+from tests.service.tabletop.seen import set_table
 
 
 @pytest.fixture
@@ -92,6 +93,26 @@ def test_an_answer_can_be_explained_to_programs_and_people(folder: Path, clouds:
     pictures = [line for line in said.splitlines() if line.startswith("│") and set(line) & set("%@#")]
     assert len(pictures) > 10
     assert "explanation" not in lines(run("respond", "--json", "good.ply"))[0]
+
+
+def test_the_objects_of_a_scene_are_answered_to_programs_and_people(folder: Path) -> None:
+    Path("table.ply").write_bytes(write_ply(set_table("kinect").cloud))
+    result = run("respond", "--scene", "--json", "--top", "1", "table.ply", "bad.ply", "table.ply")
+    assert result.exit_code == 1
+    first, bad, second = lines(result)
+    assert bad["error"]["type"] == "unreadable-cloud"
+    assert list(first)[:3] == ["file", "model", "version"]
+    assert first["objects"][0]["answer"]["responses"] == second["objects"][0]["answer"]["responses"]
+    assert len(first["objects"]) == 3
+    said = run("respond", "--scene", "--explain", "--top", "1", "table.ply").stdout
+    assert "3 objects" in said
+    for one in first["objects"]:
+        assert f"object {one['number']}" in said
+        assert ", ".join(f"{metres:.3f}" for metres in one["position_m"]) in said
+        assert f"{one['answer']['concepts'][0]['response']:.3f}" in said
+    for left in first["left_out"]:
+        assert left["detail"] in said
+    assert "motif vertices" in said
 
 
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
@@ -288,6 +309,7 @@ def test_every_example_of_the_help_runs(
     wedge = 700 + 3 * np.abs(np.arange(-40, 40)) + np.arange(60)[:, None]
     Path("depth.png").write_bytes(png(wedge.astype(np.uint16)))
     Path("mask.png").write_bytes(png(np.full(wedge.shape, 255, np.uint8)))
+    Path("table.pcd").write_bytes(write_ply(set_table().cloud))
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Query, Request
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS, parse_camera
+from service.scene_answer import SceneAnswer
 from service.transports.rest import examples
 from service.transports.rest.bodies import FIELD, MASK, Limits, receive_cloud
 from service.transports.rest.problems import documented
@@ -74,6 +75,7 @@ _BODY = {
 _ANSWERS = {
     "plain": {"value": examples.ANSWER},
     "explain=true": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+    "scene=true": {"value": examples.SCENE_ANSWER},
 }
 
 
@@ -144,15 +146,25 @@ def router(application: Application) -> APIRouter:
         segments: Annotated[
             bool, Query(description="whether the answer says of each point sent to which segment it belongs")
         ] = False,
-    ) -> Answer:
-        """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
+        scene: Annotated[
+            bool,
+            Query(
+                description="whether the cloud is a whole scene: the largest plane that something stands on and the "
+                "objects on it are found, and each object has its own answer, with its place and size"
+            ),
+        ] = False,
+    ) -> Answer | SceneAnswer:
+        """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts.
+
+        With `scene=true` it does so for each object that stands on a table, a floor or another plane.
+        """
         pose = parse_viewpoint(viewpoint) if viewpoint else None
         camera = parse_camera(intrinsics, depth_scale)
         with application.intake.opened() as take:
             data, format, name, mask = await receive_cloud(request, limits, take)
             with application.pool.admitted():
                 return await application.pool.run(
-                    application.respond,
+                    application.respond_scene if scene else application.respond,
                     CloudFile(data, format, name, unit, pose, camera, mask),
                     model=model,
                     version=version,

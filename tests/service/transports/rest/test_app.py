@@ -161,7 +161,8 @@ def test_the_clouds_that_are_shown_fit_their_schemas(client: httpx.Client) -> No
 
 def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
-    told = ("Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
+    scene = ("SceneAnswer", "AnsweredObject", "SupportingPlane", "StandingBox", "LeftOut", "Refusal")
+    told = (*scene, "Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
     for name in ("Answer", "Concept", "Stimuli", "Manifest", "Problem", "Readiness", "ModelSummary", *told):
         for field, schema in description["components"]["schemas"][name]["properties"].items():
             assert schema.get("description"), f"{name}.{field}"

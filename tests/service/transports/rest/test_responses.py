@@ -7,16 +7,19 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
+import jsonschema
 import numpy as np
 import pytest
 
-from service.application import Application
+from service.application import Application, CloudFile
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError
 from service.engine.model import ShapeModel
 from service.transports.rest import examples
 from tests.service.clouds.written import npy, png, pointcloud2
+from tests.service.tabletop.seen import block, set_table
+from tests.shapes import cloud_of
 
 
 def answer_of(response: httpx.Response) -> dict[str, Any]:
@@ -35,6 +38,39 @@ def test_the_answer_over_http_is_that_of_the_application(
         expected = json.loads(application.respond(cloud, stimuli=True).model_dump_json(exclude={"timings_ms"}))
         response = client.post("/v1/responses", params={"stimuli": True}, content=write_ply(cloud))
         assert answer_of(response) == expected
+
+
+def test_the_objects_of_a_scene_over_http_are_those_of_the_application(
+    client: httpx.Client, application: Application
+) -> None:
+    data = write_ply(set_table("kinect").cloud)
+    assert len(data) < application.settings.max_body
+    expected = application.respond_scene(CloudFile(data), segments=True, top=2)
+    params = {"scene": "true", "segments": "true", "top": 2}
+    answer = client.post("/v1/responses", params=params, content=data).json()
+    assert without_timings(answer) == without_timings(json.loads(expected.model_dump_json()))
+    assert len(answer["objects"]) == 3
+    description = client.get("/openapi.json").json()
+    schema = {"$ref": "#/components/schemas/SceneAnswer", "components": description["components"]}
+    jsonschema.validate(answer, schema)
+    content = description["paths"]["/v1/responses"]["post"]["responses"]["200"]["content"]["application/json"]
+    jsonschema.validate(content["examples"]["scene=true"]["value"], schema)
+    assert client.post("/v1/responses", params={"scene": "false"}, content=data).json()["responses"]
+
+
+def without_timings(told: Any) -> Any:
+    if isinstance(told, dict):
+        return {key: without_timings(value) for key, value in told.items() if key != "timings_ms"}
+    return [without_timings(each) for each in told] if isinstance(told, list) else told
+
+
+def test_a_scene_without_a_plane_is_a_problem_that_says_what_to_send(
+    client: httpx.Client, clouds: list[PointCloud]
+) -> None:
+    lone = cloud_of(block((0, 0, 1), (0.04, 0.04, 0.04)))
+    response = client.post("/v1/responses", params={"scene": "true"}, content=write_ply(lone))
+    assert (response.status_code, response.json()["type"]) == (422, "urn:shape-concepts:error:no-supporting-plane")
+    assert "scene=true" in response.json()["detail"]
 
 
 def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
@@ -211,6 +247,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("another message", 415, "unsupported-format", {**XYZ, "headers": {"content-type": "application/cdr; type=Image"}}),
     ("no message", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "application/cdr"}}),
     ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
+    ("a scene without a table", 422, "no-supporting-plane", {"content": b"1 1 1\n" * 200, "params": {"scene": 1}}),
     ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
     ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
     ("a form with text in the field", 400, "unreadable-cloud", {"data": {"cloud": "x"}, "files": {"scan": b"x"}}),
@@ -267,6 +304,7 @@ def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> 
         "stimuli",
         "explain",
         "segments",
+        "scene",
     ):
         assert f" {name}" in detail
     listed = client.get("/v1/models", params={"name": "tiny"})
