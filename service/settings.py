@@ -50,6 +50,7 @@ class Settings(BaseSettings):
     )
     host: str = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all of this machine's")
     port: int = Field(8000, ge=0, le=65535, description="TCP port to listen on; 0 for any free one")
+    grpc_port: int = Field(8001, ge=-1, le=65535, description="TCP port of gRPC; 0 for any free one, -1 for no gRPC")
     access: Literal["auto", "keys", "open"] = Field(
         "auto",
         description="who may ask: 'keys': holders of access keys; 'open': everybody; 'auto': everybody where only this "

@@ -23,6 +23,7 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
         "model": "mugs@staging",
         "host": "0.0.0.0",
         "port": "9000",
+        "grpc_port": "-1",
         "access": "keys",
         "tls_certificate": "/etc/tls/service.pem",
         "tls_key": "/etc/tls/service.key",
