@@ -15,6 +15,7 @@ from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
+from service.transports.zenoh.server import serving as serving_zenoh
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +54,7 @@ async def _serve(application: Application, settings: Settings) -> None:
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)
+        await stack.enter_async_context(serving_zenoh(application))
         await server.serve()
 
 

@@ -1,0 +1,115 @@
+"""Clouds asked about by queries: the key names the model, the payload is the cloud."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from concurrent.futures import Future
+from contextlib import ExitStack
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from service.application import Application, CloudFile
+from service.engine.errors import InvalidParameter
+from service.transports.errors import MEDIA_TYPE
+from service.transports.zenoh.encodings import format_of
+from service.transports.zenoh.parameters import parse
+from service.transports.zenoh.problems import check_size, problem_of
+
+log = logging.getLogger(__name__)
+
+MODELS = "shape-concepts/@v1/models"
+JSON = "application/json"
+LONGEST_NAME = 200  # characters
+
+
+class Queries:
+    """Answers queries on `shape-concepts/@v1/models/NAME/respond`. Each gets a reply, whatever happens.
+
+    zenoh calls on its own threads, which must not be held up: a query is admitted or refused there, and worked on
+    elsewhere.
+
+    Args:
+        application: that answers.
+        session: of zenoh, open.
+        loop: on which work is awaited.
+    """
+
+    def __init__(self, application: Application, session: zenoh.Session, loop: asyncio.AbstractEventLoop) -> None:
+        self._application = application
+        self._loop = loop
+        self._under_way: set[Future[None]] = set()
+        # Complete: of several replicas, only the nearest is asked unless the client wants all.
+        self._queryable = session.declare_queryable(
+            f"{MODELS}/*/respond", Callback(self._take, indirect=False), complete=True
+        )
+
+    async def close(self) -> None:
+        """Takes no more queries, and answers those that were taken."""
+        await asyncio.to_thread(self._queryable.undeclare)
+        while self._under_way:
+            await asyncio.gather(*map(asyncio.wrap_future, list(self._under_way)), return_exceptions=True)
+
+    def _take(self, query: zenoh.Query) -> None:
+        """Takes a query from zenoh, or refuses it at once."""
+        held = ExitStack()
+        try:
+            size = 0 if query.payload is None else len(query.payload)
+            check_size(size, self._application.settings.max_body)
+            held.enter_context(self._application.intake.opened())(size)
+            held.enter_context(self._application.pool.admitted())
+            work = asyncio.run_coroutine_threadsafe(self._answer(query, held), self._loop)
+        except BaseException as error:
+            held.close()
+            _refuse(query, error)
+            return
+        self._under_way.add(work)
+        work.add_done_callback(self._under_way.discard)
+
+    async def _answer(self, query: zenoh.Query, held: ExitStack) -> None:
+        """Answers a query that was admitted."""
+        with held:
+            try:
+                answer = await self._application.pool.run(self._respond, query)
+            except BaseException as error:
+                await asyncio.to_thread(_refuse, query, error)
+                if not isinstance(error, Exception):
+                    raise
+            else:
+                await asyncio.to_thread(_reply, query, answer)
+
+    def _respond(self, query: zenoh.Query) -> str:
+        asked = parse(query.parameters)
+        model = _model_of(str(query.key_expr))
+        data = b"" if query.payload is None else query.payload.to_bytes()
+        cloud = CloudFile(data, asked.format or format_of(query.encoding), unit=asked.unit, viewpoint=asked.pose)
+        flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
+        answer = self._application.respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
+        return answer.model_dump_json()
+
+
+def _model_of(key: str) -> str:
+    """The model that a query's key names."""
+    name = key.removeprefix(f"{MODELS}/").removesuffix("/respond")
+    if "*" in key or "/" in name or len(name) > LONGEST_NAME:
+        raise InvalidParameter(f"Ask one model at a time, on {MODELS}/NAME/respond; the key was '{key[:200]}'.")
+    return name
+
+
+def _reply(query: zenoh.Query, answer: str) -> None:
+    with query:
+        try:
+            query.reply(query.key_expr, answer, encoding=JSON)
+        except zenoh.ZError as error:
+            log.warning("an answer could not be sent: %s", error)
+
+
+def _refuse(query: zenoh.Query, error: BaseException) -> None:
+    with query:
+        try:
+            query.reply_err(json.dumps(problem_of(error, str(query.key_expr))), encoding=MEDIA_TYPE)
+        except zenoh.ZError as failure:
+            log.warning("an error could not be told: %s", failure)
