@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import Any, NamedTuple
 
 import zenoh
-from zenoh import ext
 
 LARGEST_ATTACHMENT = 1024  # bytes; larger ones are not carried over
-GID = 16  # bytes that name a publisher in ROS 2
-_LABELS = ("sequence_number", "source_timestamp", "source_gid")
+_PLAIN = re.compile(rb"(.{8})(.{8})\x10.{16}", re.DOTALL)
+_LABELLED = re.compile(rb"\x0fsequence_number(.{8})\x10source_timestamp(.{8})\x0asource_gid\x10.{16}", re.DOTALL)
 
 
 class Source(NamedTuple):
@@ -66,22 +66,15 @@ def attachment_of(sample: zenoh.Sample) -> bytes | None:
 def ros_attachment(attachment: bytes | None) -> tuple[int, int] | None:
     """Sequence number and source time (ns) in the attachment of rmw_zenoh; None for any other attachment.
 
-    It is (int64, int64, 16 bytes), serialised by zenoh; before version 0.2.4, Jazzy's put a label before each.
+    It is an int64, an int64, and 16 bytes after their number; before version 0.2.4, Jazzy's put a label, after the
+    number of its letters, before each. It is taken apart here because zenoh's own deserialisation aborts the process
+    when the attachment claims a huge length.
     """
-    if attachment is None:
-        return None
-    data = zenoh.ZBytes(attachment)
-    try:
-        sequence, time_ns, gid = ext.z_deserialize(tuple[ext.Int64, ext.Int64, bytes], data)
-        labels = _LABELS
-    except ext.ZDeserializeError:
-        try:
-            labelled = ext.z_deserialize(tuple[str, ext.Int64, str, ext.Int64, str, bytes], data)
-        except ext.ZDeserializeError:
-            return None
-        first, sequence, second, time_ns, third, gid = labelled
-        labels = (first, second, third)
-    return (int(sequence), int(time_ns)) if labels == _LABELS and len(gid) == GID else None
+    for layout in (_PLAIN, _LABELLED):
+        if attachment is not None and (found := layout.fullmatch(attachment)):
+            sequence, time_ns = (int.from_bytes(part, "little", signed=True) for part in found.groups())
+            return sequence, time_ns
+    return None
 
 
 def ros_header(data: bytes) -> Header | None:
