@@ -30,17 +30,21 @@ class CloudFile(NamedTuple):
 
     Attributes:
         data: the bytes of the file.
-        format: "pcd", "ply", "xyz", "npy" or "npz"; None to tell it from the content, then from the name's ending.
+        format: one of clouds.FORMATS; None to tell it from the content, then from the name's ending.
         name: of the file, if it has one.
-        unit: of the coordinates: m, cm, mm, ...
+        unit: of the coordinates: m, cm, mm, ...; None where the file says so itself or it is metres.
         viewpoint: pose of the sensor in the cloud's frame; None where the file says so itself or it is the origin.
+        camera: that took the depth image which the file is; None where it is none.
+        mask: the file of a depth image's mask, if it has one.
     """
 
     data: bytes
     format: str | None = None
     name: str = ""
-    unit: str = "m"
+    unit: str | None = None
     viewpoint: clouds.Viewpoint | None = None
+    camera: clouds.DepthCamera | None = None
+    mask: bytes | None = None
 
 
 class ModelSummary(BaseModel):
@@ -237,6 +241,8 @@ class Application:
             name=cloud.name,
             unit=cloud.unit,
             viewpoint=cloud.viewpoint,
+            camera=cloud.camera,
+            mask=cloud.mask,
             max_points=limit,
         )
 

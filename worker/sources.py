@@ -11,7 +11,7 @@ from service.engine.errors import InvalidParameter, ShapeConceptsError, Unreadab
 from worker.learning.observations import NamedCloud
 from worker.simulation import SimulationParams, simulate
 
-TABLE = ".csv"  # the ending of labels.csv and its like, which stand beside clouds and look like points
+BESIDE = {".csv", ".json", ".png"}  # tables, manifests and pictures stand beside clouds, though clouds may end so
 
 
 class Source(Protocol):
@@ -42,7 +42,7 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        endings = {ending for known in clouds.FORMATS.values() for ending in known.endings} - {TABLE}
+        endings = {ending for known in clouds.FORMATS.values() for ending in known.endings} - BESIDE
         if not path.is_dir():
             raise InvalidParameter(f"There is no folder {path}.")
         found = (file for file in path.rglob("*") if file.suffix.lower() in endings and file.is_file())

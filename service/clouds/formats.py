@@ -46,8 +46,26 @@ FORMATS: dict[str, Format] = {
             (".xyz", ".txt", ".csv", ".asc", ".pts"),
             ("text/plain", "text/csv", "chemical/x-xyz"),
         ),
-        Format("npy", "NumPy array (N, 3+), (H, W, 3+), or with fields x, y, z", (".npy",), ("application/x-npy",)),
+        Format(
+            "npy",
+            "NumPy array (N, 3+), (H, W, 3+), with fields x, y, z, or a depth image (H, W)",
+            (".npy",),
+            ("application/x-npy",),
+        ),
         Format("npz", "NumPy archive that holds such an array", (".npz",), ("application/x-npz",)),
+        Format(
+            "json",
+            'JSON: [[x, y, z], ...] or {"points": [[x, y, z], ...]}, null where nothing was measured',
+            (".json",),
+            ("application/json",),
+        ),
+        Format("png", "depth image: PNG, 16-bit grey, with its intrinsics", (".png",), ("image/png",)),
+        Format(
+            "pointcloud2",
+            "ROS 2 sensor_msgs/msg/PointCloud2 in CDR",
+            (".cdr",),
+            ("application/x-ros-cdr", "application/cdr"),
+        ),
     )
 }
 
@@ -57,9 +75,17 @@ ANY_MEDIA_TYPES = ("", "application/octet-stream", "application/x-www-form-urlen
 _MAGIC = {
     "ply": re.compile(rb"ply[ \t]*[\r\n]"),
     "npy": re.compile(rb"\x93NUMPY"),
+    "png": re.compile(rb"\x89PNG\r\n\x1a\n"),
     "npz": re.compile(rb"PK(?:\x03\x04|\x05\x06)"),
+    "json": re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*(?:\[|null|\]))"),
     "pcd": re.compile(rb"(?:# \.PCD|(?:#[^\n]*\n|\s)*(?:VERSION|FIELDS|COLUMNS)[ \t])"),
 }
+# CDR has no signature: the stamp, a name of a frame, and soon a field x tell it, in either byte order.
+_MAGIC["pointcloud2"] = re.compile(
+    rb"\x00(?:\x01.{10}[\x01-\xff]\x00{3}|\x00.{10}\x00{3}[\x01-\xff])[^\x00]{0,254}\x00"
+    rb".{1,2000}?(?:\x02\x00{3}|\x00{3}\x02)x\x00",
+    re.DOTALL,
+)
 _NUMBER = rb"[-+]?(?:nan|inf|(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)"
 _TEXT_POINT = re.compile(
     rb"(?:^|\n)[ \t]*" + _NUMBER + (rb"(?:[ \t]*[,;][ \t]*|[ \t]+)" + _NUMBER) * 2 + rb"(?=[\s,;#/]|$)", re.IGNORECASE
@@ -76,16 +102,23 @@ def by_media_type(media_type: str) -> str | None:
     """The format that a media type names; None when the content has to tell.
 
     Args:
-        media_type: as in a Content-Type header; parameters after ";" are ignored.
+        media_type: as in a Content-Type header; parameters after ";" are ignored, but for CDR, which has none or
+            names the type of the message.
 
     Raises:
         UnsupportedFormat: it names something that is not read here.
     """
-    bare = media_type.partition(";")[0].strip().lower()
+    bare, _, parameters = media_type.partition(";")
+    bare = bare.strip().lower()
     if bare in ANY_MEDIA_TYPES:
         return None
     for entry in FORMATS.values():
         if bare in entry.media_types:
+            if entry.name == "pointcloud2" and parameters.strip() and "PointCloud2" not in parameters:
+                raise UnsupportedFormat(
+                    f"of the messages of ROS, PointCloud2 is read, not {quote(parameters.strip())}; "
+                    f"send {bare}; type=sensor_msgs/msg/PointCloud2"
+                )
             return entry.name
     known = ", ".join(f"{entry.media_types[0]} ({entry.name})" for entry in FORMATS.values())
     raise UnsupportedFormat(

@@ -61,20 +61,23 @@ class RawCloud(NamedTuple):
     Attributes:
         xyz: (N, 3) float64, the file's frame and unit; NaN or infinite where nothing was measured.
         viewpoint: the file's own word on where the sensor stood, if it has one.
+        unit: the file's own word on its unit, one of UNITS, if it has one.
     """
 
     xyz: NDArray[np.float64]
     viewpoint: Viewpoint | None = None
+    unit: str | None = None
 
 
-def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
+def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> PointCloud:
     """Drops what was not measured and brings the rest into the sensor's frame, in metres.
 
     A point p becomes R^T (p - t), for the sensor's position t and rotation R.
 
     Args:
         raw: the file's points.
-        unit: one of UNITS, of the points and of the viewpoint's position.
+        unit: one of UNITS, of the points and of the viewpoint's position; overrides the file's own, metres if it has
+            none.
         viewpoint: overrides the file's own.
 
     Raises:
@@ -82,6 +85,7 @@ def place(raw: RawCloud, unit: str, viewpoint: Viewpoint | None) -> PointCloud:
         ImplausibleExtent: a coordinate too large for float32 metres.
     """
     pose = viewpoint or raw.viewpoint or Viewpoint()
+    unit = unit or raw.unit or "m"
     kept = _measured(raw.xyz, pose)
     whole = bool(kept.all())
     measured = raw.xyz if whole else raw.xyz[kept]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from service.clouds.claims import check_bytes, check_count, quote
 from service.clouds.frame import RawCloud
 from service.engine.errors import UnreadableCloud
 
+SIGNATURE = b"\x93NUMPY"
 HEADER_LIMIT = 1 << 14  # bytes; NumPy itself refuses headers beyond 10,000
 MOST_COLUMNS = 64  # more is a depth image, or an array that lies on its side
 
@@ -92,16 +93,21 @@ def flaw_of(layout: Layout) -> str:
         return f"its shape is {quote(shape)}; a cloud is (N, 3) or, organised, (H, W, 3), with further columns ignored"
     if shape[-1] > MOST_COLUMNS:
         return (
-            f"its shape {quote(shape)} has {shape[-1]} columns, more than {MOST_COLUMNS}: is it a depth image, or "
-            "transposed? A cloud is (N, 3) or, organised, (H, W, 3)"
+            f"its shape {quote(shape)} has {shape[-1]} columns, more than {MOST_COLUMNS}: is it a depth image, "
+            "whose intrinsics should be given, or transposed? A cloud is (N, 3) or, organised, (H, W, 3)"
         )
     return ""
 
 
 def to_xyz(octets: bytes | memoryview, layout: Layout) -> NDArray[np.float64]:
     """(N, 3) the points of an array without flaw, of whose data all bytes are there."""
-    flat = np.frombuffer(octets, layout.dtype, math.prod(layout.shape))
-    array = flat.reshape(layout.shape, order="F" if layout.fortran else "C")
+    array = to_array(octets, layout)
     if layout.dtype.names:
         return np.stack([array[axis].ravel() for axis in "xyz"], axis=1, dtype=np.float64)
     return array[..., :3].astype(np.float64).reshape(-1, 3)
+
+
+def to_array(octets: bytes | memoryview, layout: Layout) -> NDArray[Any]:
+    """The array as it is, a view of its bytes, all of which are there."""
+    flat = np.frombuffer(octets, layout.dtype, math.prod(layout.shape))
+    return flat.reshape(layout.shape, order="F" if layout.fortran else "C")

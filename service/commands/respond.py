@@ -7,6 +7,7 @@ import logging
 import sys
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,6 +15,9 @@ from service.commands.options import application_of, json_option, store_option
 from service.commands.reporting import examples
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from service.progress import watched
+
+if TYPE_CHECKING:
+    from service.application import CloudFile
 
 TOP = 10  # concepts that a table lists unless more are asked for: those of all scales fill several screens
 COMPILING = "still at work: the first cloud after an installation takes up to half a minute, as the engine is compiled"
@@ -27,6 +31,7 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
         "shape-concepts respond --viewpoint 0,-0.4,-0.9 --json - < mug.xyz",
         "shape-concepts respond --model default --explain --top 3 mug.pcd",
         "shape-concepts respond --model default --json --segments mug.pcd",
+        "shape-concepts respond --intrinsics 525,525,319.5,239.5 --mask mask.png depth.png",
     )
 )
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
@@ -39,9 +44,20 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.option(
     "--top", type=click.IntRange(min=1), help=f"How many concepts to list.  [default: {TOP}; all with --json]"
 )
-@click.option("--unit", default="m", show_default=True, help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.")
+@click.option("--unit", help="Unit of the coordinates: m, dm, cm, mm, um, in, ft.  [default: the file's own, or m]")
 @click.option(
     "--viewpoint", metavar="POSE", help="Sensor pose in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz."
+)
+@click.option("--intrinsics", metavar="FX,FY,CX,CY", help="Camera of a depth image, pixels.")
+@click.option(
+    "--depth-scale",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Metres that a depth of 1 stands for.  [default: 0.001 for whole numbers, 1 for floats]",
+)
+@click.option(
+    "--mask",
+    type=click.Path(exists=True, dir_okay=False),
+    help="PNG or NPY of the depth image's size, not 0 where the object is.",
 )
 @click.option("--stimuli", is_flag=True, help="With --json: the stimuli vector as well.")
 @click.option("--explain", is_flag=True, help="Say why: segments, motif vertices that fired, nearest prototypes.")
@@ -53,8 +69,11 @@ def respond(
     model: str | None,
     time: float | None,
     top: int | None,
-    unit: str,
+    unit: str | None,
     viewpoint: str | None,
+    intrinsics: str | None,
+    depth_scale: float | None,
+    mask: str | None,
     stimuli: bool,
     explain: bool,
     segments: bool,
@@ -63,19 +82,14 @@ def respond(
 ) -> None:
     """Answers clouds with the concepts they resemble.
 
-    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY or NPZ file, or - for
-    standard input. Concepts are listed best first, those at epsilon_max before those of other times; with --json, one
-    line a cloud. A cloud that cannot be answered does not keep the others from it, but the exit code is 1 at the end.
+    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, a
+    PointCloud2 of ROS in CDR, a depth image (PNG or NPY) with --intrinsics, or - for standard input. Concepts are
+    listed best first, those at epsilon_max before those of other times; with --json, one line a cloud. A cloud that
+    cannot be answered does not keep the others from it, but the exit code is 1 at the end.
     """
-    from service.application import CloudFile, parse_viewpoint
-    from service.clouds import UNITS
-
-    if unit not in UNITS:
-        raise click.BadParameter(f"'{unit}' is none of {', '.join(UNITS)}.", param_hint="--unit")
-    try:
-        pose = parse_viewpoint(viewpoint) if viewpoint else None
-    except InvalidParameter as error:
-        raise click.BadParameter(str(error), param_hint="--viewpoint") from error
+    said = _said_of_clouds(unit, viewpoint, intrinsics, depth_scale)
+    if mask and len(clouds) > 1:
+        raise click.BadParameter("It belongs to one depth image; give one CLOUD.", param_hint="--mask")
     try:
         application = application_of(store)
         name, version = application.prepare(model)
@@ -88,10 +102,10 @@ def respond(
     failed = 0
     for number, file in enumerate(clouds):
         try:
-            data = _read(file)
+            cloud = said._replace(data=_read(file), name=file, mask=_read(mask) if mask else None)
             with watched(file, number, len(clouds), excuse=COMPILING) as on_stage:
                 answer = application.respond(
-                    CloudFile(data, None, file, unit, pose),
+                    cloud,
                     model=name,
                     version=version,
                     time=time,
@@ -115,6 +129,26 @@ def respond(
                 tables.show_explanation(answer.explanation, partial(application.thumbnail, name, version))
     if failed:
         sys.exit(1)
+
+
+def _said_of_clouds(
+    unit: str | None, viewpoint: str | None, intrinsics: str | None, depth_scale: float | None
+) -> CloudFile:
+    """What the options say of every cloud, as a cloud without bytes."""
+    from service.application import CloudFile, parse_viewpoint
+    from service.clouds import UNITS, parse_camera
+
+    if unit is not None and unit not in UNITS:
+        raise click.BadParameter(f"'{unit}' is none of {', '.join(UNITS)}.", param_hint="--unit")
+    try:
+        pose = parse_viewpoint(viewpoint) if viewpoint else None
+    except InvalidParameter as error:
+        raise click.BadParameter(str(error), param_hint="--viewpoint") from error
+    try:
+        camera = parse_camera(intrinsics, depth_scale)
+    except InvalidParameter as error:
+        raise click.BadParameter(str(error), param_hint="--intrinsics") from error
+    return CloudFile(b"", unit=unit, viewpoint=pose, camera=camera)
 
 
 def _read(file: str) -> bytes:

@@ -86,7 +86,7 @@ def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:
     assert b"Traceback" not in ended.stderr
 
 
-WITHOUT = ("worker", "sapien", "open3d", "joblib", "sklearn", "threadpoolctl", "PIL")
+WITHOUT = ("worker", "sapien", "open3d", "joblib", "sklearn", "threadpoolctl")
 
 
 def test_the_service_needs_nothing_of_the_worker(store: str) -> None:

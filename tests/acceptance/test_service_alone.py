@@ -18,7 +18,7 @@ from tests.conftest import ROOT
 from worker.learning.train import train
 from worker.sources import Simulation, SimulationParams
 
-ABSENT = ("worker", "sapien", "open3d", "sklearn", "joblib", "threadpoolctl", "PIL", "dbos")
+ABSENT = ("worker", "sapien", "open3d", "sklearn", "joblib", "threadpoolctl", "dbos")
 RESPOND = f"""
 import sys
 from importlib.abc import MetaPathFinder

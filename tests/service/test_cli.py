@@ -25,6 +25,7 @@ from service.engine.model import ShapeModel
 from service.model_file import encode
 from service.settings import Settings
 from service.store import ModelStore
+from tests.service.clouds.written import npy, png
 
 
 @pytest.fixture
@@ -148,6 +149,27 @@ def test_a_table_lists_a_few_concepts_unless_more_are_asked_for(folder: Path, mo
         assert (f"the first {listed} of {count} concepts" in table) == (listed < count)
 
 
+def test_a_depth_image_is_answered_with_its_camera_and_mask(folder: Path) -> None:
+    depth = np.full((60, 80), 1500, np.uint16)
+    rows, columns = np.indices(depth.shape)
+    seen = (abs(rows - 30) < 20) & (abs(columns - 40) < 30)
+    depth[seen] = 700 + 3 * abs(columns - 40)[seen] + abs(rows - 30)[seen]
+    Path("depth.png").write_bytes(png(depth))
+    Path("mask.png").write_bytes(png(seen * np.uint8(255)))
+    z = np.where(seen, depth * 0.001, np.nan)
+    Path("points.npy").write_bytes(npy(np.dstack([(columns - 40) * z / 200, (rows - 30) * z / 200, z])))
+    (expected,) = lines(run("respond", "--json", "--segments", "points.npy"))
+    camera = ("--intrinsics", "200,200,40,30", "--mask", "mask.png", "--json", "--segments")
+    for arguments in (("depth.png",), ("--depth-scale", "0.001", "depth.png")):
+        (answer,) = lines(run("respond", *camera, *arguments))
+        unlike = {"file", "timings_ms"}
+        assert {k: v for k, v in answer.items() if k not in unlike} == {
+            k: v for k, v in expected.items() if k not in unlike
+        }
+    (refused,) = lines(run("respond", "--json", "depth.png"))
+    assert refused["error"]["type"] == "invalid-parameter"
+
+
 def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
     result = run("respond", "--json", "-", stdin=Path("good.ply").read_bytes())
     assert lines(result)[0]["file"] == "-"
@@ -169,6 +191,12 @@ def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
         (["respond", "good.ply", "--top", "0"], 2, "--top"),
         (["respond", "good.ply", "--unit", "furlong"], 2, "--unit"),
         (["respond", "good.ply", "--viewpoint", "1,2"], 2, "--viewpoint"),
+        (["respond", "good.ply", "--intrinsics", "1,2"], 2, "--intrinsics"),
+        (["respond", "good.ply", "--depth-scale", "0.001"], 2, "--intrinsics"),
+        (["respond", "good.ply", "--intrinsics", "525,525,0,0", "--depth-scale", "0"], 2, "--depth-scale"),
+        (["respond", "good.ply", "--intrinsics", "525,525,0,0"], 1, "depth image"),
+        (["respond", "good.ply", "--mask", "none.png"], 2, "--mask"),
+        (["respond", "good.ply", "good.ply", "--mask", "bad.ply"], 2, "--mask"),
         (["models", "promote", "tiny"], 2, "tiny:2"),
         (["nonsense"], 2, "nonsense"),
     ],
@@ -257,6 +285,9 @@ def test_every_example_of_the_help_runs(
         store.publish(model, name="default", seed=7, source={}, alias=alias)
     for name in ("mug.pcd", "mug.npy", "mug.xyz"):  # the content tells the format
         shutil.copy("good.ply", name)
+    wedge = 700 + 3 * np.abs(np.arange(-40, 40)) + np.arange(60)[:, None]
+    Path("depth.png").write_bytes(png(wedge.astype(np.uint16)))
+    Path("mask.png").write_bytes(png(np.full(wedge.shape, 255, np.uint8)))
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:

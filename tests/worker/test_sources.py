@@ -23,6 +23,8 @@ def test_a_folder_gives_its_clouds_in_the_order_of_their_paths(tmp_path: Path) -
         (tmp_path / name).write_bytes(ply(len(name)))
     (tmp_path / "labels.csv").write_text("file,category\na.PLY,box\n")
     (tmp_path / "notes.md").write_text("1 2 3")
+    (tmp_path / "manifest.json").write_text("[[1, 2, 3]]")
+    (tmp_path / "sheet.png").write_bytes(b"\x89PNG")
     source = Folder(tmp_path)
     assert [key for key, _ in source] == ["a.PLY", "b.ply", "below/0.ply"]
     assert source.count == 3

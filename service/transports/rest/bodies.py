@@ -13,9 +13,11 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Message
 
 from service.clouds import by_media_type
+from service.clouds.claims import quote
 from service.engine.errors import Cancelled, UnreadableCloud
 
 FIELD = "cloud"
+MASK = "mask"
 
 
 class Limits(NamedTuple):
@@ -32,20 +34,34 @@ class Limits(NamedTuple):
     pause: float
 
 
-async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], None]) -> tuple[bytes, str | None, str]:
+class Received(NamedTuple):
+    """What a request brought.
+
+    Attributes:
+        data: the bytes of the cloud's file.
+        format: of the cloud; None where the content has to tell.
+        name: of the file, "" for none.
+        mask: the file of a depth image's mask, if there was one.
+    """
+
+    data: bytes
+    format: str | None = None
+    name: str = ""
+    mask: bytes | None = None
+
+
+async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], None]) -> Received:
     """Receives the file of a request.
 
     Args:
-        request: with the file as its body, or with a form that has it in the field `cloud`.
+        request: with the file as its body, or with a form that has it in the field `cloud`, and may have another in
+            the field `mask`.
         limits: on the body.
         take: called with the number of bytes as they arrive; may raise `Overloaded`.
 
-    Returns:
-        The file's bytes, its format (None where the content has to tell), and its name ("" for none).
-
     Raises:
         UnsupportedFormat: the media type is not that of a cloud.
-        UnreadableCloud: the form is malformed or has no such field.
+        UnreadableCloud: the form is malformed, has no such field, or other files.
         Cancelled: the client hung up.
         HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
     """
@@ -58,20 +74,28 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
         async with asyncio.timeout(limits.timeout):
             if form:
                 return await _from_form(limited)
-            return await limited.body(), format, ""
+            return Received(await limited.body(), format)
     except TimeoutError:
         raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
     except ClientDisconnect:
         raise Cancelled("The client hung up before its cloud had arrived.") from None
 
 
-async def _from_form(request: Request) -> tuple[bytes, str | None, str]:
+async def _from_form(request: Request) -> Received:
     try:
-        async with request.form(max_files=1, max_fields=8) as form:
-            part = form.get(FIELD)
-            if not isinstance(part, UploadFile):
+        async with request.form(max_files=2, max_fields=8) as form:
+            parts = [(name, part) for name, part in form.multi_items() if isinstance(part, UploadFile) or name == MASK]
+            files = {name: part for name, part in parts if isinstance(part, UploadFile)}
+            if FIELD not in files:
                 raise UnreadableCloud(f"The form has no file in the field '{FIELD}': send it with -F {FIELD}=@FILE.")
-            return await part.read(), by_media_type(part.content_type or ""), part.filename or ""
+            if len(files) < len(parts) or not files.keys() <= {FIELD, MASK}:
+                raise UnreadableCloud(
+                    f"The form has the fields {quote([name for name, _ in parts])}: it should have one file in "
+                    f"'{FIELD}' and, for a depth image, may have one in '{MASK}'."
+                )
+            cloud = files[FIELD]
+            mask = await files[MASK].read() if MASK in files else None
+            return Received(await cloud.read(), by_media_type(cloud.content_type or ""), cloud.filename or "", mask)
     except HTTPException as error:
         if error.status_code != 400:
             raise

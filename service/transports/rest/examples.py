@@ -39,6 +39,11 @@ def _corner(edge: float = 0.08, step: float = 0.01, distance: float = 0.6) -> st
 
 
 CLOUD_XYZ = _corner()
+CLOUD_JSON: dict[str, Any] = {
+    "points": [[float(word) for word in line.split()] for line in CLOUD_XYZ.splitlines()],
+    "unit": "m",
+    "viewpoint": [0, 0, 0],
+}
 
 ANSWER: dict[str, Any] = {
     "model": "default",
@@ -247,7 +252,7 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),
-    UnsupportedFormat("no format has the media type 'image/png'; send application/octet-stream: the content tells"),
+    UnsupportedFormat("no format has the media type 'image/jpeg'; send application/octet-stream: the content tells"),
     TooFewPoints(
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."

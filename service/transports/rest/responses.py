@@ -8,25 +8,64 @@ from fastapi import APIRouter, Depends, Query, Request
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
-from service.clouds import FORMATS, UNITS
+from service.clouds import FORMATS, UNITS, parse_camera
 from service.transports.rest import examples
-from service.transports.rest.bodies import FIELD, Limits, receive_cloud
+from service.transports.rest.bodies import FIELD, MASK, Limits, receive_cloud
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import known_only
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
+_NUMBERS: dict[str, Any] = {"type": "array", "items": {"type": ["number", "null"]}}
+_POINTS: dict[str, Any] = {
+    "type": "array",
+    "items": {"oneOf": [_NUMBERS | {"minItems": 3, "maxItems": 3}, {"type": "null"}]},
+    "description": "x, y, z of each; null where nothing was measured",
+}
+_JSON: dict[str, Any] = {
+    "schema": {
+        "oneOf": [
+            _POINTS,
+            {
+                "type": "object",
+                "required": ["points"],
+                "additionalProperties": False,
+                "properties": {
+                    "points": _POINTS,
+                    "unit": {"enum": [*UNITS, None], "description": "of the coordinates; metres by default"},
+                    "viewpoint": {
+                        "type": ["array", "null"],
+                        "items": {"type": "number"},
+                        "minItems": 3,
+                        "maxItems": 7,
+                        "description": "pose of the sensor: x, y, z or x, y, z, qw, qx, qy, qz",
+                    },
+                },
+            },
+        ]
+    },
+    "example": examples.CLOUD_JSON,
+}
+_CONTENTS = {"xyz": _TEXT, "json": _JSON}  # the others are binary
+_FILE = {"type": "string", "format": "binary"}
 _FORM: dict[str, Any] = {
-    "schema": {"type": "object", "required": [FIELD], "properties": {FIELD: {"type": "string", "format": "binary"}}}
+    "schema": {
+        "type": "object",
+        "required": [FIELD],
+        "properties": {
+            FIELD: _FILE | {"description": "the file of the cloud"},
+            MASK: _FILE | {"description": "for a depth image: PNG or NPY of its size, not 0 where the object is"},
+        },
+    }
 }
 _BODY = {
     "required": True,
     "description": "The file of a cloud, as the body itself or in the field `cloud` of a form: "
     + "; ".join(f"{entry.title} (`{entry.media_types[0]}`)" for entry in FORMATS.values())
-    + ". Sent as `application/octet-stream`, its content tells.",
+    + ". Sent as `application/octet-stream`, its content tells. A depth image comes with its `intrinsics`.",
     "content": {
         "application/octet-stream": _BINARY,
-        **{entry.media_types[0]: _TEXT if entry.name == "xyz" else _BINARY for entry in FORMATS.values()},
+        **{entry.media_types[0]: _CONTENTS.get(entry.name, _BINARY) for entry in FORMATS.values()},
         "multipart/form-data": _FORM,
     },
 }
@@ -73,13 +112,31 @@ def router(application: Application) -> APIRouter:
             ),
         ] = None,
         top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
-        unit: Annotated[str, Query(description=f"of the coordinates: {', '.join(UNITS)}")] = "m",
+        unit: Annotated[
+            str | None,
+            Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres"),
+        ] = None,
         viewpoint: Annotated[
             str | None,
             Query(
                 max_length=300,
                 description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
                 examples=["0.0,-0.4,-0.9"],
+            ),
+        ] = None,
+        intrinsics: Annotated[
+            str | None,
+            Query(
+                max_length=200,
+                description="of the camera of a depth image: fx,fy,cx,cy, pixels; its pixels are numbered row by row",
+                examples=["525,525,319.5,239.5"],
+            ),
+        ] = None,
+        depth_scale: Annotated[
+            float | None,
+            Query(
+                gt=0,
+                description="metres that a depth of 1 stands for; by default 0.001 for whole numbers and 1 for floats",
             ),
         ] = None,
         stimuli: Annotated[bool, Query(description="whether the answer has the stimuli vector as well")] = False,
@@ -90,12 +147,13 @@ def router(application: Application) -> APIRouter:
     ) -> Answer:
         """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
         pose = parse_viewpoint(viewpoint) if viewpoint else None
+        camera = parse_camera(intrinsics, depth_scale)
         with application.intake.opened() as take:
-            data, format, name = await receive_cloud(request, limits, take)
+            data, format, name, mask = await receive_cloud(request, limits, take)
             with application.pool.admitted():
                 return await application.pool.run(
                     application.respond,
-                    CloudFile(data, format, name, unit, pose),
+                    CloudFile(data, format, name, unit, pose, camera, mask),
                     model=model,
                     version=version,
                     alias=alias,

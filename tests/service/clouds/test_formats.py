@@ -36,7 +36,7 @@ def test_lines_that_read_like_points_are_xyz(text: bytes):
 
 
 @pytest.mark.parametrize(
-    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"\x00"]
+    "data", [b"solid cube\nfacet normal 0 0 0\n", b"\x89PNG\r\n", b"hello world\n", b"{}", b"[1, 2, 3]", b"\x00"]
 )
 def test_anything_else_is_refused_with_the_formats_that_exist(data: bytes):
     with pytest.raises(UnsupportedFormat) as refused:
@@ -52,6 +52,13 @@ def test_media_types_name_formats():
     assert by_media_type("Text/CSV; charset=utf-8") == "xyz"
 
 
+def test_cdr_may_say_which_message_it_is_and_no_other_than_a_cloud():
+    for said in ("", "; type=sensor_msgs/msg/PointCloud2", ";sensor_msgs::msg::dds_::PointCloud2_"):
+        assert by_media_type("application/cdr" + said) == "pointcloud2"
+    with pytest.raises(UnsupportedFormat, match="PointCloud2 is read"):
+        by_media_type("application/x-ros-cdr; type=sensor_msgs/msg/Image")
+
+
 @pytest.mark.parametrize("media_type", ["", "application/octet-stream", "text/plain; charset=utf-8"])
 def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
     assert by_media_type(media_type) is None
@@ -59,7 +66,7 @@ def test_unspecific_media_types_leave_it_to_the_content(media_type: str):
 
 def test_foreign_media_types_are_refused_with_those_that_exist():
     with pytest.raises(UnsupportedFormat, match="model/ply"):
-        by_media_type("image/png")
+        by_media_type("image/jpeg")
 
 
 def test_no_two_formats_share_an_ending_or_a_media_type():

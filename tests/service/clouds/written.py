@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 import struct
+import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
 
 Points = NDArray[np.float32]
 
@@ -87,6 +90,73 @@ def npz(compressed: bool = False, **arrays: NDArray[Any]) -> bytes:
     return stream.getvalue()
 
 
+def json_points(points: Points) -> list[list[float | None]]:
+    """The points as JSON has them: it knows no NaN and no infinity."""
+    return [[float(value) if np.isfinite(value) else None for value in point] for point in points]
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A chunk of a PNG."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+# Adam7: first row, first column, and the steps of each pass.
+PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
+
+
+def png(pixels: NDArray[Any], colour: int = 0, palette: bool = False, interlaced: bool = False) -> bytes:
+    """A picture (rows, columns) or (rows, columns, channels) of uint8 or uint16, of one of PNG's colour types."""
+    rows, columns = pixels.shape[:2]
+    passes = [pixels[r::dr, c::dc] for r, c, dr, dc in PASSES] if interlaced else [pixels]
+    lines = b"".join(
+        b"\0" + line.astype(line.dtype.newbyteorder(">")).tobytes() for each in passes for line in each if line.size
+    )
+    header = struct.pack(">IIBBBBB", columns, rows, pixels.dtype.itemsize * 8, colour, 0, 0, interlaced)
+    colours = chunk(b"PLTE", bytes(range(30))) if palette else b""
+    body = chunk(b"IHDR", header) + colours + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + body
+
+
+ROS = get_typestore(Stores.ROS2_HUMBLE)
+
+
+def pointcloud2(points: NDArray[Any], *, little: bool = True, kind: str = "<f4", **changed: Any) -> bytes:
+    """A message of ROS whose points (N, 3) or (H, W, 3) lie between an intensity and a ring, as a lidar has them.
+
+    Keyword arguments replace a member of the message; `little` is CDR's byte order, `kind` that of the coordinates.
+    """
+    size, height, width = np.dtype(kind).itemsize, points.shape[0] if points.ndim == 3 else 1, points.shape[-2]
+    record = np.dtype(
+        {
+            "names": [*"ixyzr"],
+            "formats": ["<f4", *[kind] * 3, "<u2"],
+            "offsets": [0, *range(8, 8 + 3 * size, size), 8 + 3 * size],
+            "itemsize": 16 + 3 * size,
+        }
+    )
+    rows = np.zeros((height, width), record)
+    for axis, values in zip("xyz", np.moveaxis(points.reshape(height, width, 3), -1, 0), strict=True):
+        rows[axis] = values
+    field = ROS.types["sensor_msgs/msg/PointField"]
+    datatypes = {"f4": 7, "f8": 8, "u2": 4}
+    members = {
+        "header": ROS.types["std_msgs/msg/Header"](ROS.types["builtin_interfaces/msg/Time"](1_700_000_000, 5), "lidar"),
+        "height": height,
+        "width": width,
+        "fields": [
+            field(name, record.fields[short][1], datatypes[record[short].str[1:]], 1)
+            for short, name in zip("ixyzr", ("intensity", "x", "y", "z", "ring"), strict=True)
+        ],
+        "is_bigendian": kind.startswith(">"),
+        "point_step": record.itemsize,
+        "row_step": width * record.itemsize,
+        "data": np.frombuffer(rows.tobytes(), np.uint8),
+        "is_dense": True,
+    } | changed
+    name = "sensor_msgs/msg/PointCloud2"
+    return bytes(ROS.serialize_cdr(ROS.types[name](**members), name, little_endian=little))
+
+
 def every_kind(points: Points) -> dict[str, bytes]:
     """The same cloud in every format and encoding; the key begins with the format's name."""
     return {
@@ -101,4 +171,8 @@ def every_kind(points: Points) -> dict[str, bytes]:
         "npy": npy(points),
         "npz stored": npz(points=points),
         "npz deflated": npz(True, points=points),
+        "pointcloud2 little": pointcloud2(points),
+        "pointcloud2 big": pointcloud2(points, little=False, kind=">f8"),
+        "json list": json.dumps(json_points(points)).encode(),
+        "json object": json.dumps({"viewpoint": None, "points": json_points(points)}, indent=1).encode(),
     }

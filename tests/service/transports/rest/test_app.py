@@ -148,6 +148,17 @@ def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: 
     }
 
 
+def test_the_clouds_that_are_shown_fit_their_schemas(client: httpx.Client) -> None:
+    body = client.get("/openapi.json").json()["paths"]["/v1/responses"]["post"]["requestBody"]["content"]
+    shown = {media_type for media_type, content in body.items() if "example" in content}
+    assert shown == {"text/plain", "application/json"}
+    for media_type in shown:
+        jsonschema.validate(body[media_type]["example"], body[media_type]["schema"])
+    for wrong in ({}, {"points": [[1, 2]]}, [1, 2, 3], {"points": [], "unit": "mile"}, {"points": [], "x": 1}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(wrong, body["application/json"]["schema"])
+
+
 def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
     told = ("Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")

@@ -16,6 +16,7 @@ from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError
 from service.engine.model import ShapeModel
 from service.transports.rest import examples
+from tests.service.clouds.written import npy, png, pointcloud2
 
 
 def answer_of(response: httpx.Response) -> dict[str, Any]:
@@ -38,18 +39,54 @@ def test_the_answer_over_http_is_that_of_the_application(
 
 def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
     ply, xyz = write_ply(clouds[0]), as_xyz(clouds[0])
+    points, cdr = clouds[0].points.astype(float).tolist(), pointcloud2(clouds[0].points)
+    message = {"content-type": "application/x-ros-cdr; type=sensor_msgs/msg/PointCloud2"}
     sent = [
         client.post("/v1/responses", content=ply),
         client.post("/v1/responses", content=ply, headers={"content-type": "application/octet-stream"}),
         client.post("/v1/responses", content=ply, headers={"content-type": "model/ply"}),
         client.post("/v1/responses", content=ply, headers={"content-type": "application/x-www-form-urlencoded"}),
         client.post("/v1/responses", content=xyz, headers={"content-type": "text/plain; charset=utf-8"}),
+        client.post("/v1/responses", json=points),
+        client.post("/v1/responses", json={"points": points, "unit": "m", "viewpoint": [0, 0, 0]}),
+        client.post("/v1/responses", content=json.dumps(points)),
+        client.post("/v1/responses", content=cdr),
+        client.post("/v1/responses", content=cdr, headers=message),
         client.post("/v1/responses", files={"cloud": ("mug.ply", ply)}),
         client.post("/v1/responses", files={"cloud": ("mug.xyz", xyz, "text/plain")}),
         client.post("/v1/responses", files={"cloud": ("mug.bin", ply, "model/ply")}),
     ]
     answers = [answer_of(response) for response in sent]
     assert all(answer == answers[0] for answer in answers)
+
+
+def test_a_depth_image_is_answered_as_the_points_that_it_shows(client: httpx.Client) -> None:
+    """A ball before a wall, in millimetres; the mask keeps the ball."""
+    rows, columns = np.indices((120, 160))
+    x, y = (columns - 79.5) / 200, (rows - 59.5) / 210
+    across = x * x + y * y
+    seen = (b := 0.7**2 - (1 + across) * (0.7**2 - 0.1**2)) > 0
+    depth = np.where(seen, (0.7 - np.sqrt(np.maximum(b, 0))) / (1 + across), 1.2)
+    millimetres = np.round(depth * 1000).astype(np.uint16)
+    millimetres[::7] = 0
+    camera = {"intrinsics": "200,210,79.5,59.5", "segments": "true"}
+
+    z = np.where(seen & (millimetres > 0), millimetres * 0.001, np.nan)
+    points = np.dstack([(columns - 79.5) * z / 200, (rows - 59.5) * z / 210, z])
+    expected = answer_of(client.post("/v1/responses", params={"segments": "true"}, content=npy(points)))
+    assert expected["extent_m"] == pytest.approx(0.2, abs=0.02)
+
+    mask = png(seen * np.uint8(255))
+    cut_out = np.where(seen, millimetres, 0).astype(np.uint16)
+    for sent in (
+        client.post("/v1/responses", params=camera, files={"cloud": png(millimetres), "mask": mask}),
+        client.post("/v1/responses", params=camera, files={"cloud": ("d.png", png(millimetres)), "mask": npy(seen)}),
+        client.post("/v1/responses", params=camera, content=png(cut_out), headers={"content-type": "image/png"}),
+        client.post("/v1/responses", params=camera, content=npy(cut_out)),
+        client.post("/v1/responses", params=camera | {"depth_scale": 0.01}, content=npy(cut_out * 0.1)),
+    ):
+        assert answer_of(sent) == expected
+    assert (np.array(expected["point_segments"]).reshape(seen.shape)[~seen] == -1).all()
 
 
 def test_parameters_choose_model_time_and_length(client: httpx.Client, clouds: list[PointCloud]) -> None:
@@ -131,15 +168,18 @@ def test_unit_and_viewpoint_bring_a_cloud_into_the_sensors_frame(
     assert answer["warnings"] == expected["warnings"]
 
 
-def test_the_documented_example_is_answered(client: httpx.Client) -> None:
+def test_the_documented_examples_are_answered(client: httpx.Client) -> None:
     response = client.post("/v1/responses", content=examples.CLOUD_XYZ, headers={"content-type": "text/plain"})
     answer = answer_of(response)
+    assert answer == answer_of(client.post("/v1/responses", json=examples.CLOUD_JSON))
     assert set(answer) == set(examples.ANSWER) - {"timings_ms"}
     assert set(response.json()["timings_ms"]) == set(examples.ANSWER["timings_ms"])
     assert answer["segments"] == examples.ANSWER["segments"] == len(examples.EXPLANATION["segments"])
     assert answer["extent_m"] == pytest.approx(0.144, abs=0.01)
 
 
+DEPTH = png(np.full((20, 30), 700, np.uint16))
+CAMERA = {"intrinsics": "525,525,319.5,239.5"}
 XYZ = {"content": b"0.1 0.2 0.9\n"}
 REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("no bytes", 422, "empty-cloud", {"content": b""}),
@@ -151,7 +191,25 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a truncated file", 400, "unreadable-cloud", {"content": b"ply\nformat ascii 1.0\nelement vertex 10\n"}),
     ("10^12 points", 413, "too-many-points", {"content": b"ply\nformat binary_little_endian 1.0\nelement vertex "
      b"1000000000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(120)}),
-    ("a picture", 415, "unsupported-format", {"content": b"\x89PNG", "headers": {"content-type": "image/png"}}),
+    ("a picture", 415, "unsupported-format", {"content": b"\xff\xd8", "headers": {"content-type": "image/jpeg"}}),
+    ("a depth image without intrinsics", 422, "invalid-parameter", {"content": DEPTH}),
+    ("a damaged depth image", 400, "unreadable-cloud", {"content": DEPTH[:-20], "params": CAMERA}),
+    ("intrinsics of a cloud", 422, "invalid-parameter", {**XYZ, "params": CAMERA}),
+    ("half the intrinsics", 422, "invalid-parameter", {**XYZ, "params": {"intrinsics": "525,525"}}),
+    ("a depth scale of 0", 422, "invalid-parameter", {**XYZ, "params": CAMERA | {"depth_scale": 0}}),
+    ("a depth scale of NaN", 422, "invalid-parameter", {**XYZ, "params": CAMERA | {"depth_scale": "nan"}}),
+    ("a depth scale alone", 422, "invalid-parameter", {**XYZ, "params": {"depth_scale": 0.001}}),
+    ("a mask of a cloud", 422, "invalid-parameter", {"files": {"cloud": b"0 0 1\n", "mask": DEPTH}}),
+    ("a mask that is none", 400, "unreadable-cloud", {"files": {"cloud": DEPTH, "mask": b"x"}, "params": CAMERA}),
+    ("a mask alone", 400, "unreadable-cloud", {"files": {"mask": DEPTH}, "params": CAMERA}),
+    ("a mask as text", 400, "unreadable-cloud", {"files": {"cloud": DEPTH}, "data": {"mask": "x"}, "params": CAMERA}),
+    ("two clouds", 400, "unreadable-cloud", {"files": [("cloud", b"1 2 3\n")] * 2}),
+    ("another file", 400, "unreadable-cloud", {"files": {"cloud": b"1 2 3\n", "scan": b"x"}}),
+    ("JSON without points", 400, "unreadable-cloud", {"json": {"unit": "m"}}),
+    ("JSON nested deeply", 400, "unreadable-cloud", {"content": b"[" * 10**6,
+     "headers": {"content-type": "application/json"}}),
+    ("another message", 415, "unsupported-format", {**XYZ, "headers": {"content-type": "application/cdr; type=Image"}}),
+    ("no message", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "application/cdr"}}),
     ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
     ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
     ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
@@ -196,7 +254,20 @@ def test_what_cannot_be_answered_is_refused_with_its_own_problem(
 def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> None:
     detail = client.post("/v1/responses", params={"toop": 1, "top": 1}, content=b"1 2 3\n").json()["detail"]
     assert "'toop'" in detail
-    for name in ("model", "version", "alias", "time", "top", "unit", "viewpoint", "stimuli", "explain", "segments"):
+    for name in (
+        "model",
+        "version",
+        "alias",
+        "time",
+        "top",
+        "unit",
+        "viewpoint",
+        "intrinsics",
+        "depth_scale",
+        "stimuli",
+        "explain",
+        "segments",
+    ):
         assert f" {name}" in detail
     listed = client.get("/v1/models", params={"name": "tiny"})
     assert (listed.status_code, "none" in listed.json()["detail"]) == (422, True)
