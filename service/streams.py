@@ -23,7 +23,7 @@ class Stream(BaseModel):
     format: str | None = Field(
         None, description="of the clouds; by default the key, then the encoding, then the content tells"
     )
-    unit: str = Field("m", description="of the coordinates: m, cm, mm, ...")
+    unit: str | None = Field(None, description="of the coordinates; by default their own, or metres")
     frame: Literal["optical", "body"] = Field(
         "optical",
         description="axes of the sensor: optical has x right, y down, z forward; body, as ROS has it, x forward, "

@@ -16,6 +16,7 @@ from zenoh.handlers import Callback
 
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import Viewpoint
+from service.clouds.formats import by_content
 from service.engine.errors import InvalidParameter, Overloaded
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
@@ -192,7 +193,7 @@ class Answering:
             raise sent.payload
         stream, source = self._stream, sent.source
         data = sent.payload.to_bytes()
-        format = stream.format or format_of_key(source.key) or format_of(sent.encoding)
+        format = stream.format or format_of_key(source.key) or format_of(sent.encoding) or by_content(data)
         if format == POINT_CLOUD2 and (header := ros_header(data)):
             source = source._replace(frame_id=header.frame_id, stamp_ns=header.stamp_ns)
         cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose)

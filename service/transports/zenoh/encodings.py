@@ -18,8 +18,8 @@ def format_of(encoding: zenoh.Encoding | None) -> str | None:
     Raises:
         UnsupportedFormat: it names something that is not read here.
     """
-    media_type = str(encoding or "").partition(";")[0].lower()
-    return None if media_type in ANY else by_media_type(media_type)
+    media_type = str(encoding or "")
+    return None if media_type.partition(";")[0] in ANY else by_media_type(media_type)
 
 
 def format_of_key(key: str) -> str | None:

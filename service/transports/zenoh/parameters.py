@@ -6,7 +6,7 @@ import zenoh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from service.application import parse_viewpoint
-from service.clouds import Viewpoint
+from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter
 
@@ -20,8 +20,10 @@ class Parameters(BaseModel):
     alias: str | None = Field(None, max_length=63, description="alias of the model's version")
     time: float | None = Field(None, ge=0, le=1, description="filtration time of all concepts")
     top: int | None = Field(None, ge=1, description="how many concepts are listed")
-    unit: str = Field("m", description="of the coordinates")
+    unit: str | None = Field(None, description="of the coordinates; by default the file's own, or metres")
     viewpoint: str | None = Field(None, max_length=300, description="pose of the sensor in the cloud's frame and unit")
+    intrinsics: str | None = Field(None, max_length=200, description="of the camera of a depth image: fx,fy,cx,cy")
+    depth_scale: float | None = Field(None, gt=0, description="metres that a depth of 1 stands for")
     stimuli: bool = Field(False, description="whether the answer has the stimuli vector as well")
     explain: bool = Field(False, description="whether the answer says why it is what it is")
     segments: bool = Field(False, description="whether it says of each point to which segment it belongs")
@@ -35,6 +37,15 @@ class Parameters(BaseModel):
             InvalidParameter: it is none.
         """
         return parse_viewpoint(self.viewpoint) if self.viewpoint else None
+
+    @property
+    def camera(self) -> DepthCamera | None:
+        """The camera of a depth image.
+
+        Raises:
+            InvalidParameter: its intrinsics are none.
+        """
+        return parse_camera(self.intrinsics, self.depth_scale)
 
 
 def parse(selected: zenoh.Parameters) -> Parameters:

@@ -22,6 +22,8 @@ from service.engine.errors import InvalidParameter
 from service.settings import Settings
 from service.streams import Stream
 from service.transports.zenoh.answering import key_of, pose_of
+from service.transports.zenoh.source import ros_header
+from tests.service.clouds.written import pointcloud2
 from tests.service.transports.rest.test_responses import REFUSED, as_xyz
 from tests.service.transports.zenoh.conftest import Served, replicas, running
 from tests.service.transports.zenoh.router import free_endpoint, routing, session
@@ -94,6 +96,35 @@ def test_a_plain_robot_gets_its_own_attachment_and_the_time_of_zenoh_back(
     assert heard[0].attachment == b"mine"
     assert heard[0].document["source"]["sequence"] is None
     assert heard[0].document["source"]["time_ns"] == now.get_time_as_ntp64().as_nanos()
+
+
+ROS_KEY = (
+    "0/lidar/points/sensor_msgs::msg::dds_::PointCloud2_/"
+    "RIHS01_9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5"
+)
+
+
+def test_a_ros_2_robot_is_answered_as_rmw_zenoh_and_the_dds_bridge_publish(
+    served: Served, robot: zenoh.Session, clouds: list[PointCloud]
+) -> None:
+    application = served(
+        streams=[
+            {"key": "0/**/sensor_msgs::msg::dds_::PointCloud2_/*"},
+            {"key": "*/camera/points"},
+        ]
+    )
+    expected = json.loads(application.respond(clouds[0]).model_dump_json())
+    message = pointcloud2(clouds[0].points)
+    for key, attachment in ((ROS_KEY, numbered(5)), ("robot7/camera/points", None)):
+        with hearing(robot, "**/concepts") as heard:
+            robot.put(key, message, attachment=attachment)
+            until(lambda heard=heard: heard, "an answer")  # type: ignore[misc]
+        ((answered_on, _, answer, carried),) = heard
+        assert (answered_on, carried) == (f"{key}/concepts", attachment)
+        source = answer["source"]
+        assert source["sequence"] == (5 if attachment else None)
+        assert (source["frame_id"], source["stamp_ns"]) == ros_header(message)[::-1]  # type: ignore[index]
+        assert answer["responses"] == expected["responses"]
 
 
 def test_what_cannot_be_answered_is_told_on_the_same_key(served: Served, robot: zenoh.Session) -> None:

@@ -8,12 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 import zenoh
 
 from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
+from tests.service.clouds.written import npy, pointcloud2
 from tests.service.transports.rest.test_responses import REFUSED, answer_of, as_xyz
 from tests.service.transports.zenoh.conftest import Served, replicas, running
 
@@ -57,7 +59,7 @@ def test_the_answer_over_zenoh_is_that_over_http(
 def test_model_and_format_may_be_named_in_several_ways(
     replica: Application, robot: zenoh.Session, clouds: list[PointCloud]
 ) -> None:
-    ply, xyz = write_ply(clouds[0]), as_xyz(clouds[0])
+    ply, xyz, cdr = write_ply(clouds[0]), as_xyz(clouds[0]), pointcloud2(clouds[0].points)
     asked = [
         ask(robot, "tiny/respond", ply),
         ask(robot, "tiny:1/respond", ply),
@@ -66,11 +68,26 @@ def test_model_and_format_may_be_named_in_several_ways(
         ask(robot, "tiny/respond?alias=production", xyz, encoding="text/plain"),
         ask(robot, "tiny/respond?format=xyz;viewpoint=0,0,0", xyz, encoding="zenoh/string"),
         ask(robot, "tiny/respond?_time=now()", ply),
+        ask(robot, "tiny/respond", cdr, encoding="application/cdr;sensor_msgs/msg/PointCloud2"),
+        ask(robot, "tiny/respond?format=pointcloud2", cdr),
     ]
     for good, _, answer in asked:
         assert good, answer
         assert answer["version"] == 1
         assert {**answer, "timings_ms": 0} == {**asked[0][2], "timings_ms": 0}
+
+
+def test_a_depth_image_is_answered_as_over_http(
+    replica: Application, client: httpx.Client, robot: zenoh.Session
+) -> None:
+    rows, columns = np.indices((120, 160))
+    depth = (600 + 100 * np.hypot(rows - 60, columns - 80) / 80).astype(np.uint16)
+    params = {"intrinsics": "400,400,79.5,59.5", "depth_scale": 0.0012}
+    expected = answer_of(client.post("/v1/responses", params=params, content=npy(depth)))
+    selector = "tiny/respond?" + ";".join(f"{name}={value}" for name, value in params.items())
+    good, _, answer = ask(robot, selector, npy(depth))
+    assert good, answer
+    assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
 
 
 def as_query(request: dict[str, Any]) -> tuple[str, bytes, str] | None:
@@ -82,7 +99,8 @@ def as_query(request: dict[str, Any]) -> tuple[str, bytes, str] | None:
     if "/" in model:
         return None
     selector = f"{model}/respond?" + ";".join(f"{name}={value}" for name, value in params.items())
-    return selector, request.get("content", b""), request.get("headers", {}).get("content-type", "zenoh/bytes")
+    content = json.dumps(request["json"]).encode() if "json" in request else request.get("content", b"")
+    return selector, content, request.get("headers", {}).get("content-type", "zenoh/bytes")
 
 
 QUERIES = [(name, status, kind, asked) for name, status, kind, sent in REFUSED if (asked := as_query(sent))]
