@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -38,30 +39,25 @@ def robot(endpoint: str) -> Iterator[zenoh.Session]:
 
 @contextmanager
 def running(application: Application) -> Iterator[None]:
-    """Serves over zenoh from an event loop of its own."""
-    loop, ready = asyncio.new_event_loop(), threading.Event()
-    end: asyncio.Event | None = None
+    """Serves over zenoh from an event loop of its own; raises what keeps it from that."""
+    loop, end, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
 
     async def serve() -> None:
-        nonlocal end
-        end = asyncio.Event()
-        try:
-            async with serving(application):
-                ready.set()
-                await end.wait()
-        finally:
+        async with serving(application):
             ready.set()
+            await end.wait()
 
-    thread = threading.Thread(target=lambda: loop.run_until_complete(serve()))
-    thread.start()
-    ready.wait()
-    try:
-        yield
-    finally:
-        assert end is not None
-        loop.call_soon_threadsafe(end.set)
-        thread.join()
-        loop.close()
+    with ThreadPoolExecutor(1) as thread:
+        served = thread.submit(loop.run_until_complete, serve())
+        served.add_done_callback(lambda _: ready.set())
+        ready.wait()
+        try:
+            if not served.done():
+                yield
+        finally:
+            loop.call_soon_threadsafe(end.set)
+            served.result()
+            loop.close()
 
 
 @pytest.fixture
