@@ -14,6 +14,7 @@ from service.commands.models import models
 from service.commands.options import settings_of, store_option
 from service.commands.reporting import ReportingGroup, examples
 from service.commands.respond import respond
+from service.commands.watch import watch
 
 
 @click.group(
@@ -44,7 +45,7 @@ def main() -> None:
 @click.option("--port", type=click.IntRange(0, 65535), help="TCP port.  [default: SHAPE_CONCEPTS_PORT, or 8000]")
 @store_option
 def serve(host: str | None, port: int | None, store: str | None) -> None:
-    """Serves the REST interface.
+    """Serves the REST interface, and answers over zenoh where that is configured.
 
     It ends at SIGTERM or Ctrl-C, when the requests under way are answered. /docs in a browser describes it.
     """
@@ -53,7 +54,7 @@ def serve(host: str | None, port: int | None, store: str | None) -> None:
     serve(settings_of(host=host, port=port, store=store))
 
 
-for command in (respond, models, jobs):
+for command in (respond, models, jobs, watch):
     main.add_command(command)
 
 if __name__ == "__main__":
