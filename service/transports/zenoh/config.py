@@ -14,6 +14,9 @@ from service.settings import Settings
 
 TLS = "transport/link/tls/"
 USER = "transport/auth/usrpwd/"
+DROPPING = "transport/link/tx/queue/congestion_control/drop/wait_before_drop"
+HASTY = 1000  # microseconds, what zenoh waits by default for room on a connection before it drops a message
+PATIENT = 100_000  # microseconds: a busy machine may not run the sender for longer than that default
 
 
 def is_wanted(settings: Settings) -> bool:
@@ -70,6 +73,8 @@ def _wanted(settings: Settings, config: zenoh.Config) -> Iterator[tuple[str, Any
         yield "scouting/multicast/enabled", False
     # zenoh loses queries under a stalled receiver when they go through shared memory (eclipse-zenoh/zenoh#2628).
     yield "transport/shared_memory/transport_optimization/messages", ["put"]
+    if json.loads(config.get_json(DROPPING)) == HASTY:
+        yield DROPPING, PATIENT
     if settings.zenoh_mode or json.loads(config.get_json("mode")) is None:
         # Two peers that do not listen cannot hear each other through a router; two clients can.
         yield "mode", settings.zenoh_mode or ("peer" if settings.zenoh_listen else "client")

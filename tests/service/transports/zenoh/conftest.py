@@ -81,3 +81,8 @@ def replicas(robot: zenoh.Session) -> list[str]:
     """The replicas that a robot sees."""
     found = robot.liveliness().get(f"{REPLICAS}/*", timeout=2)
     return [str(reply.ok.key_expr) for reply in found if reply.ok]
+
+
+def put(robot: zenoh.Session, key: str, payload: bytes, **more: Any) -> None:
+    """Publishes, and waits for room on the connection: otherwise a busy machine drops clouds before they are sent."""
+    robot.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK, **more)

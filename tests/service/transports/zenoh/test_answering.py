@@ -25,7 +25,7 @@ from service.transports.zenoh.answering import key_of, pose_of
 from service.transports.zenoh.source import ros_header
 from tests.service.clouds.written import pointcloud2
 from tests.service.transports.rest.test_responses import REFUSED, as_xyz
-from tests.service.transports.zenoh.conftest import Served, replicas, running
+from tests.service.transports.zenoh.conftest import Served, put, replicas, running
 from tests.service.transports.zenoh.router import free_endpoint, routing, session
 from tests.service.transports.zenoh.waiting import until
 
@@ -69,7 +69,7 @@ def test_a_cloud_is_answered_beside_its_key_with_its_sequence_and_time(
 ) -> None:
     application = started(served, top=3, time=0.8)
     with hearing(robot, "robots/*/cloud/concepts") as heard:
-        robot.put("robots/7/cloud", write_ply(clouds[0]), attachment=numbered(42))
+        put(robot, "robots/7/cloud", write_ply(clouds[0]), attachment=numbered(42))
         until(lambda: heard, "an answer")
     expected = json.loads(application.respond(clouds[0], top=3, time=0.8).model_dump_json())
     ((key, encoding, answer, attachment),) = heard
@@ -91,7 +91,7 @@ def test_a_plain_robot_gets_its_own_attachment_and_the_time_of_zenoh_back(
     started(served)
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         now = robot.new_timestamp()
-        robot.put("robots/7/cloud", as_xyz(clouds[0]), encoding="text/plain", attachment=b"mine", timestamp=now)
+        put(robot, "robots/7/cloud", as_xyz(clouds[0]), encoding="text/plain", attachment=b"mine", timestamp=now)
         until(lambda: heard, "an answer")
     assert heard[0].attachment == b"mine"
     assert heard[0].document["source"]["sequence"] is None
@@ -117,7 +117,7 @@ def test_a_ros_2_robot_is_answered_as_rmw_zenoh_and_the_dds_bridge_publish(
     message = pointcloud2(clouds[0].points)
     for key, attachment in ((ROS_KEY, numbered(5)), ("robot7/camera/points", None)):
         with hearing(robot, "**/concepts") as heard:
-            robot.put(key, message, attachment=attachment)
+            put(robot, key, message, attachment=attachment)
             until(lambda heard=heard: heard, "an answer")  # type: ignore[misc]
         ((answered_on, _, answer, carried),) = heard
         assert (answered_on, carried) == (f"{key}/concepts", attachment)
@@ -137,7 +137,7 @@ def test_what_cannot_be_answered_is_told_on_the_same_key(served: Served, robot: 
     assert len(hostile) > 10
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         for number, (kind, payload, encoding) in enumerate(hostile):
-            robot.put(f"robots/{number}/cloud", payload, encoding=encoding, attachment=numbered(number))
+            put(robot, f"robots/{number}/cloud", payload, encoding=encoding, attachment=numbered(number))
             until(lambda count=number: len(heard) > count, kind)  # type: ignore[misc]
             told = heard[-1]
             assert told.encoding == "application/problem+json"
@@ -152,7 +152,7 @@ def test_answers_and_deletions_are_not_taken_for_clouds(
     started(served, key="robots/**")
     with hearing(robot, "robots/**/concepts") as heard:
         robot.delete("robots/7/cloud")
-        robot.put("robots/7/cloud", write_ply(clouds[0]))
+        put(robot, "robots/7/cloud", write_ply(clouds[0]))
         until(lambda: heard, "an answer")
         time.sleep(0.5)
         assert [answer.key for answer in heard] == ["robots/7/cloud/concepts"]
@@ -168,7 +168,7 @@ def test_under_load_the_newest_wins_in_order_and_drops_are_counted(
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         for sequence in range(50):
             for name in "ab":
-                robot.put(f"robots/{name}/cloud", content, attachment=numbered(sequence))
+                put(robot, f"robots/{name}/cloud", content, attachment=numbered(sequence))
         time.sleep(1)
         assert not heard
         held.set()
@@ -191,7 +191,7 @@ def test_memory_for_waiting_clouds_is_bounded(served: Served, robot: zenoh.Sessi
         application.pool._threads.submit(held.wait)
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         for number in range(20):
-            robot.put(f"robots/{number}/cloud", content)
+            put(robot, f"robots/{number}/cloud", content)
         time.sleep(1)
         assert application.intake._held <= 3 * len(content)
         held.set()
@@ -211,7 +211,7 @@ def test_two_replicas_share_a_stream_and_answer_nothing_twice(
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         sent = [(f"robots/{name}/cloud", sequence) for sequence in range(3) for name in range(8)]
         for count, (key, sequence) in enumerate(sent, start=1):
-            robot.put(key, content, attachment=numbered(sequence, sequence))
+            put(robot, key, content, attachment=numbered(sequence, sequence))
             until(lambda count=count: len(heard) >= count, f"answer {count}")  # type: ignore[misc]
         time.sleep(0.5)
     answered = [(answer.document["source"]["key"], answer.document["source"]["sequence"]) for answer in heard]
@@ -246,7 +246,7 @@ def test_a_replica_that_leaves_is_followed_by_the_other(
         second.close()
         assert len(replicas(robot)) == 1
         for count, key in enumerate(keys, start=1):
-            robot.put(key, content)
+            put(robot, key, content)
             until(lambda count=count: len(heard) >= count, f"an answer to {key}")  # type: ignore[misc]
 
 
@@ -258,7 +258,7 @@ def test_a_robot_that_vanishes_and_returns_is_answered_again(
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         for count in (1, 2):
             with session(connect=endpoint) as other:
-                other.put("robots/7/cloud", content, attachment=numbered(0))
+                put(other, "robots/7/cloud", content, attachment=numbered(0))
                 until(lambda count=count: len(heard) >= count, "an answer")  # type: ignore[misc]
 
 
@@ -273,22 +273,25 @@ def test_a_router_that_comes_late_or_restarts_is_found_again(settings: Settings,
             with routing(endpoint), session(connect=endpoint) as robot:
                 until(lambda robot=robot: replicas(robot), "the replica is there")  # type: ignore[misc]
                 with hearing(robot, "robots/*/cloud/concepts") as heard:
-                    robot.put("robots/7/cloud", content)
+                    put(robot, "robots/7/cloud", content)
                     until(lambda heard=heard: heard, "an answer")  # type: ignore[misc]
     application.close()
 
 
-def test_a_peer_answers_without_a_router(settings: Settings, clouds: list[PointCloud]) -> None:
+@pytest.mark.parametrize("mode", ["peer", "router"])
+def test_a_peer_or_router_answers_those_who_connect_to_it(
+    settings: Settings, clouds: list[PointCloud], mode: str
+) -> None:
     endpoint = free_endpoint()
-    application = Application(
-        Settings(**settings.model_dump() | {"zenoh_listen": [endpoint], "streams": [{"key": "robots/*/cloud"}]})
-    )
+    more = {"zenoh_listen": [endpoint], "zenoh_mode": mode, "streams": [{"key": "robots/*/cloud"}]}
+    application = Application(Settings(**settings.model_dump() | more))
     with (
         running(application),
-        session("peer", connect=endpoint) as robot,
+        session("peer" if mode == "peer" else "client", connect=endpoint) as robot,
         hearing(robot, "robots/*/cloud/concepts") as heard,
     ):
-        robot.put("robots/7/cloud", write_ply(clouds[0]))
+        assert len(replicas(robot)) == 1
+        put(robot, "robots/7/cloud", write_ply(clouds[0]))
         until(lambda: heard, "an answer")
     application.close()
 

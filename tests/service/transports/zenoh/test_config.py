@@ -52,6 +52,14 @@ def test_nothing_is_searched_for_by_multicast_and_queries_shun_shared_memory(set
     assert told(config, "listen/endpoints") == []
 
 
+def test_a_busy_machine_has_time_to_send_unless_the_file_says_otherwise(settings: Settings, tmp_path: Path) -> None:
+    path = "transport/link/tx/queue/congestion_control/drop/wait_before_drop"
+    assert told(configuration(changed(settings, zenoh_connect=HERE)), path) == 100_000
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{transport: {link: {tx: {queue: {congestion_control: {drop: {wait_before_drop: 50}}}}}}}")
+    assert told(configuration(changed(settings, zenoh_config=file)), path) == 50
+
+
 def test_the_settings_go_before_the_file_and_the_file_before_defaults(settings: Settings, tmp_path: Path) -> None:
     file = tmp_path / "zenoh.json5"
     file.write_text(

@@ -17,7 +17,7 @@ import zenoh
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.settings import Settings
-from tests.service.transports.zenoh.conftest import replicas
+from tests.service.transports.zenoh.conftest import put, replicas
 from tests.service.transports.zenoh.test_answering import Heard, hearing, numbered
 from tests.service.transports.zenoh.waiting import until
 
@@ -62,7 +62,7 @@ def test_a_killed_replica_is_replaced_within_seconds_and_nothing_is_answered_twi
             assert time.monotonic() - killed < 10
             sequence += 1
             for key in keys:
-                robot.put(key, content, attachment=numbered(sequence))
+                put(robot, key, content, attachment=numbered(sequence))
             time.sleep(0.3)
             last = {answer.key: 1 for answer in heard if answer.document["source"]["sequence"] > 3}
         time.sleep(1)
@@ -79,7 +79,7 @@ def _one_each(robot: zenoh.Session, keys: list[str], content: bytes, sequence: i
     """Publishes a cloud on each key, and waits for as many answers."""
     before = len(heard)
     for key in keys:
-        robot.put(key, content, attachment=numbered(sequence))
+        put(robot, key, content, attachment=numbered(sequence))
     until(lambda: len(heard) == before + len(keys), "an answer to each", 60)
 
 

@@ -17,7 +17,7 @@ from service.cli import main
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.settings import Settings
-from tests.service.transports.zenoh.conftest import Served
+from tests.service.transports.zenoh.conftest import Served, put
 
 
 @contextmanager
@@ -42,7 +42,7 @@ def test_answers_and_problems_are_lines_of_json_until_ctrl_c(
         assert process.stdout is not None
         lines = []
         for payload in (write_ply(clouds[0]), b"hello"):
-            robot.put("robots/7/cloud", payload)
+            put(robot, "robots/7/cloud", payload)
             while "/concepts" not in (line := process.stdout.readline()):
                 assert json.loads(line)["key"] == "robots/7/cloud"  # `**` brings the clouds as well
             lines.append(json.loads(line))
@@ -62,7 +62,7 @@ def test_a_table_is_shown_and_ends_after_a_number_of_answers(
 ) -> None:
     served(streams=[{"key": "robots/*/cloud"}])
     with watching("robots/*/cloud/concepts", "--connect", endpoint, "--count", "1") as process:
-        robot.put("robots/7/cloud", write_ply(clouds[0]))
+        put(robot, "robots/7/cloud", write_ply(clouds[0]))
         output, _ = process.communicate(timeout=20)
         assert process.returncode == 0
     assert "best concept" in output
