@@ -278,6 +278,55 @@ def test_a_router_that_comes_late_or_restarts_is_found_again(settings: Settings,
     application.close()
 
 
+def test_a_replica_that_died_while_the_router_was_away_is_not_waited_for(
+    settings: Settings, clouds: list[PointCloud]
+) -> None:
+    endpoint = free_endpoint()
+    more = {"zenoh_connect": [endpoint], "streams": [{"key": "robots/*/cloud"}]}
+    content = write_ply(clouds[0])
+    first, second = (Application(Settings(**settings.model_dump() | more)) for _ in range(2))
+    with running(first):
+        with running(second), routing(endpoint), session(connect=endpoint) as robot:
+            until(lambda: len(replicas(robot)) == 2, "both are there")
+            time.sleep(0.5)
+        with routing(endpoint), session(connect=endpoint) as robot:
+            until(lambda: len(replicas(robot)) == 1, "the one that is left is there")
+            for number in range(8):
+                with hearing(robot, f"robots/{number}/cloud/concepts") as heard:
+                    end = time.monotonic() + 10
+                    while not heard:
+                        assert time.monotonic() < end, f"robots/{number} is not answered"
+                        put(robot, f"robots/{number}/cloud", content)
+                        time.sleep(0.5)
+    first.close()
+    second.close()
+
+
+def test_after_the_router_restarted_replicas_share_again(settings: Settings, clouds: list[PointCloud]) -> None:
+    endpoint = free_endpoint()
+    more = {"zenoh_connect": [endpoint], "streams": [{"key": "robots/*/cloud"}]}
+    content = write_ply(clouds[0])
+    begun: Counter[int] = Counter()
+    applications = [Application(Settings(**settings.model_dump() | more)) for _ in range(2)]
+    for number, application in enumerate(applications):
+        _count(application, begun, number)
+    with running(applications[0]), running(applications[1]):
+        for _ in range(2):
+            with routing(endpoint), session(connect=endpoint) as robot:
+                until(lambda robot=robot: len(replicas(robot)) == 2, "both are there")  # type: ignore[misc]
+                time.sleep(1)
+                begun.clear()
+                with hearing(robot, "robots/*/cloud/concepts") as heard:
+                    for count in range(1, 17):
+                        put(robot, f"robots/{count}/cloud", content)
+                        until(lambda heard=heard, count=count: len(heard) >= count, "an answer")  # type: ignore[misc]
+                    time.sleep(0.5)
+                assert len(heard) == begun[0] + begun[1] == 16
+                assert min(begun[0], begun[1]) > 0
+    for application in applications:
+        application.close()
+
+
 @pytest.mark.parametrize("mode", ["peer", "router"])
 def test_a_peer_or_router_answers_those_who_connect_to_it(
     settings: Settings, clouds: list[PointCloud], mode: str
