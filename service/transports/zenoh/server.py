@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -46,6 +47,8 @@ async def serving(application: Application) -> AsyncIterator[None]:
             with suppress(asyncio.CancelledError):
                 await background
         return
+    if mode_of(config) == "peer" and not json.loads(config.get_json("listen/endpoints")):
+        log.warning("a peer that does not listen may not hear other peers: set SHAPE_CONCEPTS_ZENOH_LISTEN")
     try:
         session = await asyncio.to_thread(zenoh.open, config)
     except zenoh.ZError as error:

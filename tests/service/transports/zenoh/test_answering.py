@@ -91,11 +91,17 @@ def test_a_plain_robot_gets_its_own_attachment_and_the_time_of_zenoh_back(
     started(served)
     with hearing(robot, "robots/*/cloud/concepts") as heard:
         now = robot.new_timestamp()
-        put(robot, "robots/7/cloud", as_xyz(clouds[0]), encoding="text/plain", attachment=b"mine", timestamp=now)
+        xyz = as_xyz(clouds[0])
+        put(robot, "robots/7/cloud", xyz, encoding="text/plain", attachment=b"mine", timestamp=now)
         until(lambda: heard, "an answer")
-    assert heard[0].attachment == b"mine"
-    assert heard[0].document["source"]["sequence"] is None
-    assert heard[0].document["source"]["time_ns"] == now.get_time_as_ntp64().as_nanos()
+        put(robot, "robots/7/cloud", xyz, source_info=zenoh.SourceInfo(robot.id, 9))
+        until(lambda: len(heard) == 2, "another answer")
+    first, second = heard
+    assert (first.attachment, second.attachment) == (b"mine", None)
+    sources = first.document["source"], second.document["source"]
+    assert [source["sequence"] for source in sources] == [None, 9]
+    assert abs(sources[0]["time_ns"] - time.time_ns()) < 60e9
+    assert sources[0]["time_ns"] == now.get_time_as_ntp64().as_nanos()
 
 
 ROS_KEY = (
