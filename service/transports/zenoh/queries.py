@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import re
 from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Any
@@ -21,13 +22,17 @@ from service.transports.zenoh.problems import check_size, problem_of
 
 log = logging.getLogger(__name__)
 
-MODELS = "shape-concepts/@v1/models"
+SERVICE = "shape-concepts/@v1"
+ASKED = re.compile(rf"{SERVICE}/(?:replicas/[^/]+/)?models/(?P<model>[^/*$]+)/respond")
 JSON = "application/json"
 LONGEST_NAME = 200  # characters
 
 
 class Queries:
     """Answers queries on `shape-concepts/@v1/models/NAME/respond`. Each gets a reply, whatever happens.
+
+    Of several replicas, zenoh asks the nearest alone, always the same. `shape-concepts/@v1/replicas/ZID/models/NAME/
+    respond` asks a particular one: for who spreads its queries, or tries another when one has too much to do.
 
     zenoh calls on its own threads, which must not be held up: a query is admitted or refused there, and worked on
     elsewhere.
@@ -42,14 +47,16 @@ class Queries:
         self._application = application
         self._loop = loop
         self._under_way: set[Future[None]] = set()
-        # Complete: of several replicas, only the nearest is asked unless the client wants all.
-        self._queryable = session.declare_queryable(
-            f"{MODELS}/*/respond", Callback(self._take, indirect=False), complete=True
-        )
+        handler = Callback(self._take, indirect=False)
+        self._queryables = [
+            session.declare_queryable(f"{place}/models/*/respond", handler, complete=True)  # complete: one is enough
+            for place in (SERVICE, f"{SERVICE}/replicas/{session.zid()}")
+        ]
 
     async def close(self) -> None:
         """Takes no more queries, and answers those that were taken."""
-        await asyncio.to_thread(self._queryable.undeclare)
+        for queryable in self._queryables:
+            await asyncio.to_thread(queryable.undeclare)
         while self._under_way:
             await asyncio.gather(*map(asyncio.wrap_future, list(self._under_way)), return_exceptions=True)
 
@@ -94,10 +101,10 @@ class Queries:
 
 def _model_of(key: str) -> str:
     """The model that a query's key names."""
-    name = key.removeprefix(f"{MODELS}/").removesuffix("/respond")
-    if "*" in key or "/" in name or len(name) > LONGEST_NAME:
-        raise InvalidParameter(f"Ask one model at a time, on {MODELS}/NAME/respond; the key was '{key[:200]}'.")
-    return name
+    found = ASKED.fullmatch(key)
+    if found is None or len(found["model"]) > LONGEST_NAME:
+        raise InvalidParameter(f"Ask one model at a time, on {SERVICE}/models/NAME/respond; the key was '{key[:200]}'.")
+    return found["model"]
 
 
 def _reply(query: zenoh.Query, answer: str) -> None:

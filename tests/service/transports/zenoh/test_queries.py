@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -190,6 +191,19 @@ def test_of_two_replicas_one_replies_unless_all_are_asked(
         assert len(replies(robot, "tiny/respond", content)) == 1
     everybody = zenoh.ConsolidationMode.NONE
     assert len(replies(robot, "tiny/respond", content, target=zenoh.QueryTarget.ALL, consolidation=everybody)) == 2
+
+
+def test_a_particular_replica_can_be_asked(served: Served, robot: zenoh.Session, clouds: list[PointCloud]) -> None:
+    applications = [served(), served()]
+    content = write_ply(clouds[0])
+    with contextlib.ExitStack() as stack:
+        for _ in range(applications[0].pool.places):  # one of them has too much to do
+            stack.enter_context(applications[0].pool.admitted())
+        outcomes = []
+        for token in replicas(robot):
+            (reply,) = robot.get(f"{token}/models/tiny/respond", payload=content, timeout=20)
+            outcomes.append(reply.ok is not None)
+        assert sorted(outcomes) == [False, True]
 
 
 def test_a_replica_that_ends_leaves_no_session_and_no_thread(served: Served, robot: zenoh.Session) -> None:
