@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from service import clouds
+from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
+from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.model_file import Manifest
 from service.pool import Intake, Pool
@@ -78,6 +80,8 @@ class Application:
         self._jobs = Jobs(settings.jobs_url)
         self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
+        self._keys = KeyStore(settings.store)
+        self.access = Gate(self.valid_keys if needs_keys(settings) else None)
 
     def close(self) -> None:
         """Waits for the work under way."""
@@ -178,6 +182,10 @@ class Application:
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
         return self.store.manifest(name, version)
+
+    def valid_keys(self) -> dict[str, AccessKey]:
+        """The access keys that are not revoked, by id; what was known last, while the store is away."""
+        return self._answers.get("the access keys", self._keys.valid)
 
     def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
         """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.

@@ -10,6 +10,7 @@ import click
 
 from service import __version__
 from service.commands.jobs import jobs
+from service.commands.keys import keys
 from service.commands.models import models
 from service.commands.options import settings_of, store_option
 from service.commands.reporting import ReportingGroup, examples
@@ -54,7 +55,7 @@ def serve(host: str | None, port: int | None, store: str | None) -> None:
     serve(settings_of(host=host, port=port, store=store))
 
 
-for command in (respond, models, jobs, watch):
+for command in (respond, models, jobs, keys, watch):
     main.add_command(command)
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from contextlib import AsyncExitStack
 
 import uvicorn
 
+from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
@@ -26,11 +27,15 @@ def serve(settings: Settings) -> None:
     """Serves until SIGTERM or SIGINT; then finishes the requests under way and returns.
 
     Raises:
-        StoreUnavailable: the URL of the store is of no known kind.
+        StoreUnavailable: the URL of the store is of no known kind, or where keys are needed, they cannot be read.
+        InvalidParameter: keys are needed and there are none, or a file for TLS is missing.
         SystemExit: an address cannot be listened on.
     """
     logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    check_tls(settings)
     application = Application(settings)
+    if needs_keys(settings):
+        check_keys(settings, application.valid_keys())
     threading.Thread(target=_warm, args=[application], name="warm", daemon=True).start()
     for number in (signal.SIGTERM, signal.SIGINT):
         # The HTTP server raises them again once it has ended; that is an ordinary end, exit code 0.
@@ -49,6 +54,8 @@ async def _serve(application: Application, settings: Settings) -> None:
             host=settings.host,
             port=settings.port,
             log_config=None,
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE,
         )
     )

@@ -24,7 +24,7 @@ from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 
 FORMAT: Final = "shape-concepts-model"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 TENSORS = "model.safetensors"
 NAME = r"[a-z0-9][a-z0-9-]*"
 VARYING = ("name", "version", "created", "digest")  # what two publications of one model may differ in

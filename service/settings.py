@@ -59,6 +59,13 @@ class Settings(BaseSettings):
     )
     host: str = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all of this machine's")
     port: int = Field(8000, ge=0, le=65535, description="TCP port to listen on; 0 for any free one")
+    access: Literal["auto", "keys", "open"] = Field(
+        "auto",
+        description="who may ask: 'keys': holders of access keys; 'open': everybody; 'auto': everybody where only this "
+        "machine can reach the address, holders of keys elsewhere",
+    )
+    tls_certificate: Path | None = Field(None, description="PEM file of the certificate chain for TLS; none: no TLS")
+    tls_key: Path | None = Field(None, description="PEM file of the certificate's private key")
     workers: int = Field(
         default_factory=lambda: os.cpu_count() or 1,
         ge=1,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from service.answer import Answer
 from service.application import ModelSummary
 from service.explanation import Explanation, Likeness
 from service.jobs import Job
+from service.keys import AccessKey
 from service.model_file import Manifest
 
 SHADES = " .:-=+*#%@"  # from dark to bright
@@ -50,6 +51,24 @@ def show_answer(file: str, answer: Answer) -> None:
         console.print(f"note: {warning}", markup=False, highlight=False)
     if answer.truncated:
         console.print("note: there were more constellations than are looked at; the smallest were left out")
+
+
+def show_keys(keys: Sequence[AccessKey], revoked: Collection[str]) -> None:
+    """Prints access keys, without their secrets."""
+    table = Table()
+    for heading in ("id", "name", "allows to", "requests a second", "at a time", "created", "state"):
+        table.add_column(heading)
+    for key in keys:
+        table.add_row(
+            key.id,
+            escape(key.name),
+            ", ".join(key.scopes),
+            "-" if key.rate is None else f"{key.rate:g}",
+            "-" if key.concurrency is None else str(key.concurrency),
+            f"{key.created:%Y-%m-%d %H:%M} UTC",
+            "revoked" if key.id in revoked else "valid",
+        )
+    Console().print(table)
 
 
 def show_explanation(explanation: Explanation, thumbnail: Callable[[int], NDArray[np.uint8]]) -> None:

@@ -19,7 +19,7 @@ from service.clouds.claims import check_count, quote
 from service.clouds.frame import UNITS, RawCloud, Viewpoint
 from service.engine.errors import InvalidParameter, UnreadableCloud
 
-PIECE = 1 << 18  # bytes that are parsed at a time; no point is as long
+PIECE = 1 << 13  # bytes parsed at a time, so that other threads have their turn in between; no point is as long
 MEMBERS = ("points", "unit", "viewpoint")
 _BLANK = re.compile(rb"[ \t\r\n]*")
 _COMMA = re.compile(rb"[ \t\r\n]*,")
@@ -153,8 +153,10 @@ def _pieces(text: bytes, start: int, end: int) -> Iterator[bytes]:
     """The text between two places, cut between points."""
     while end - start > PIECE:
         cut = text.rfind(b"]", start, start + PIECE) + 1
-        if not cut and text.find(b"[", start, start + PIECE) < 0:
-            cut = text.rfind(b"null", start, start + PIECE) + 4
+        if not cut:  # nulls alone, up to the point that may begin there
+            opened = text.find(b"[", start, start + PIECE)
+            null = text.rfind(b"null", start, opened if opened >= 0 else start + PIECE)
+            cut = null + 4 if null >= 0 else start
         if cut <= start:
             raise _unexpected(text, start, f"a point in less than {PIECE} bytes")
         yield text[start:cut]

@@ -48,11 +48,19 @@ def read(data: bytes, max_points: int) -> RawCloud:
 def read_with_origin(data: bytes, max_points: int) -> tuple[RawCloud, Origin]:
     """Reads a message as `read` does, and its header."""
     message = _deserialise(data)
-    stamp = message.header.stamp
-    origin = Origin(message.header.frame_id, stamp.sec * 1_000_000_000 + stamp.nanosec)
     check_count(message.width * message.height, max_points, "this PointCloud2")
     _check_steps(message)
-    return RawCloud(np.stack([_axis(message, axis) for axis in "xyz"], axis=-1).reshape(-1, 3)), origin
+    return RawCloud(np.stack([_axis(message, axis) for axis in "xyz"], axis=-1).reshape(-1, 3)), _origin(message)
+
+
+def read_origin(data: bytes) -> Origin:
+    """Reads a message's header alone; raises UnreadableCloud where it is none."""
+    return _origin(_deserialise(data))
+
+
+def _origin(message: Any) -> Origin:
+    stamp = message.header.stamp
+    return Origin(message.header.frame_id, stamp.sec * 1_000_000_000 + stamp.nanosec)
 
 
 @cache

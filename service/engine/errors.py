@@ -91,6 +91,22 @@ class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 
 
+class NotAuthenticated(ShapeConceptsError):
+    """The request bears no access key that is valid here."""
+
+
+class NotAllowed(ShapeConceptsError):
+    """The access key does not allow what was asked for."""
+
+
+class KeyNotFound(ShapeConceptsError):
+    """There is no access key of that id."""
+
+
+class RateExceeded(ShapeConceptsError):
+    """The access key's requests are too many, a second or at a time; try again later."""
+
+
 class Overloaded(ShapeConceptsError):
     """More work is waiting than the service accepts; try again later."""
 

@@ -84,11 +84,13 @@ class Ensemble:
         hierarchies: H_1 to H_n.
         prototypes: (P, D) float32: the descriptions of the memorised constellations.
         objects: (P,) int64: the training object from which each prototype stems.
+        coverage: (P,) float64: the share of that object's surface that its constellation covers.
     """
 
     hierarchies: tuple[Hierarchy, ...]
     prototypes: NDArray[np.float32]
     objects: NDArray[np.int64]
+    coverage: NDArray[np.float64]
 
     @property
     def vertex_count(self) -> int:

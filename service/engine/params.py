@@ -113,7 +113,7 @@ class StimuliParams(StageParams):
     )
     segment_weight: float = Field(1.0, ge=0, le=100, description="of the vertices of motif level 1, where balanced")
     union_weight: float = Field(
-        0.02, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
+        0.0, ge=0, le=100, description="of the vertices between, where balanced; 0 leaves them out of the stimuli"
     )
     whole_weight: float = Field(
         1.0, ge=0, le=100, description="of the vertices of the highest motif level, that of wholes, where balanced"

@@ -118,10 +118,10 @@ def _of_rank(constellations: Constellations, top: int) -> NDArray[np.bool_]:
     look like together, never how many there are.
     """
     level, c = constellations.levels.T
-    of_rank = np.zeros((len(constellations.members), 3), dtype=bool)
+    of_rank = np.zeros((len(constellations.coverage), 3), dtype=bool)
     of_rank[c[level == 1], Rank.SEGMENT] = True
     of_rank[c[(level > 1) & (level < top)], Rank.UNION] = True
-    of_rank[:, Rank.UNION] |= constellations.members.all(axis=1)
+    of_rank[constellations.coverage.argmax(), Rank.UNION] = True
     of_rank[c[level == top], Rank.WHOLE] = True
     return of_rank
 

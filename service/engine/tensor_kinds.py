@@ -45,6 +45,7 @@ LAYOUT = {
     "metric.power": Kind(np.float64, (1,)),
     "ensemble.prototypes": Kind(np.float32, ("motif prototypes", "bins")),
     "ensemble.objects": Kind(np.int64, ("motif prototypes",)),
+    "ensemble.coverage": Kind(np.float64, ("motif prototypes",)),
     "novelty.wholes": Kind(np.int64, ("objects",)),
     "novelty.divergences": Kind(np.float32, ("objects",)),
     "prototypes.cloud_keys": Kind(np.uint8, ("letters of keys",)),

@@ -26,6 +26,8 @@ from service.engine.tensor_kinds import Tensors, check_kinds
 if TYPE_CHECKING:
     from service.engine.model import ShapeModel
 
+ROUNDING = 1e-9  # of shares that sum to 1
+
 
 def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
     """Names and arrays of everything that was learnt."""
@@ -53,6 +55,7 @@ def to_tensors(model: ShapeModel) -> dict[str, NDArray[Any]]:
         "metric.power": np.array([metric.power]),
         "ensemble.prototypes": model.ensemble.prototypes,
         "ensemble.objects": model.ensemble.objects,
+        "ensemble.coverage": model.ensemble.coverage,
         "novelty.wholes": model.novelty_scale.wholes,
         "novelty.divergences": model.novelty_scale.divergences,
         "prototypes.cloud_keys": _text(prototypes.cloud_keys),
@@ -89,6 +92,7 @@ def _parts(tensors: Tensors, levels: int) -> dict[str, Any]:
         tuple(_hierarchy(tensors, f, len(prototypes)) for f in range(1, levels + 1)),
         prototypes,
         tensors["ensemble.objects"],
+        tensors["ensemble.coverage"],
     )
     data, indices, indptr = (tensors[f"stimuli.{name}"] for name in ("data", "indices", "indptr"))
     stimuli = _rows(data, indices, indptr, ensemble.vertex_count)
@@ -143,6 +147,7 @@ def _check(parts: Mapping[str, Any], tensors: Tensors, params: ModelParams) -> N
         ("variances are positive", lambda: metric.variance.min() > 0 and metric.residual_variance > 0),
         ("the metric is the parameters'", lambda: float(tensors["metric.power"][0]) == params.response.power),
         ("every motif prototype has an object", lambda: _inside(ensemble.objects, size)),
+        ("coverages are shares", lambda: ensemble.coverage.min() > 0 and ensemble.coverage.max() <= 1 + ROUNDING),
         ("every training object has its whole", lambda: _are_wholes(scale.wholes, ensemble)),
         ("divergences ascend", lambda: scale.divergences[0] >= 0 and bool((np.diff(scale.divergences) >= 0).all())),
         ("descriptions are not negative", lambda: ensemble.prototypes.min() >= 0),

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import time
@@ -17,8 +18,10 @@ import httpx
 import pytest
 
 from service.engine.params import ModelParams
+from service.keys import KeyStore
 from service.store import ModelStore
 from service.transports.rest.examples import CLOUD_XYZ
+from tests.certificates import make_certificate
 from worker.learning.train import NamedCloud, train
 from worker.simulation import simulate
 
@@ -33,14 +36,17 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @contextmanager
-def serving(store: str) -> Iterator[tuple[subprocess.Popen[bytes], httpx.Client]]:
+def serving(store: str, **settings: str) -> Iterator[tuple[subprocess.Popen[bytes], httpx.Client]]:
     """A process that serves a store, once it answers."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port), "--store", store]
+    environment = os.environ | {f"SHAPE_CONCEPTS_{name.upper()}": value for name, value in settings.items()}
+    certificate = settings.get("tls_certificate")
+    scheme, verify = ("https", ssl.create_default_context(cafile=certificate)) if certificate else ("http", True)
     with (
-        subprocess.Popen(command, stderr=subprocess.PIPE) as process,
-        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,
+        subprocess.Popen(command, stderr=subprocess.PIPE, env=environment) as process,
+        httpx.Client(base_url=f"{scheme}://127.0.0.1:{port}", timeout=60, verify=verify) as client,
     ):
         try:
             for _ in range(600):
@@ -84,6 +90,31 @@ def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:
     assert ended.returncode == 1
     assert b"address already in use" in ended.stderr
     assert b"Traceback" not in ended.stderr
+
+
+def test_it_answers_over_tls_and_not_without(store: str, tmp_path: Path) -> None:
+    made = make_certificate(tmp_path)
+    with serving(store, tls_certificate=str(made.certificate), tls_key=str(made.key)) as (_, client):
+        assert client.get("/readyz").json()["model"] == "tiny"
+        with pytest.raises(httpx.RemoteProtocolError):
+            httpx.get(str(client.base_url).replace("https", "http"))
+        with pytest.raises(httpx.ConnectError):  # nobody vouches for the certificate
+            httpx.get(str(client.base_url))
+
+
+def test_it_listens_to_others_only_where_there_are_keys_or_it_is_told_to(store: str) -> None:
+    command = [sys.executable, "-m", "service.cli", "serve", "--host", "0.0.0.0", "--port", "0", "--store", store]
+    ended = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert ended.returncode == 1
+    assert b"shape-concepts keys create" in ended.stderr
+    assert b"Traceback" not in ended.stderr
+    with serving(store, access="open", host="0.0.0.0") as (_, client):
+        assert client.get("/v1/models").status_code == 200
+    text, key = KeyStore(store).create("robot-7", ("answer",))
+    with serving(store, host="0.0.0.0") as (_, client):
+        assert client.get("/v1/models").status_code == 401
+        assert client.get("/v1/models", headers={"Authorization": f"Bearer {text}"}).status_code == 200
+    KeyStore(store).revoke(key.id)
 
 
 WITHOUT = ("worker", "sapien", "open3d", "joblib", "sklearn", "threadpoolctl")

@@ -19,10 +19,9 @@ from service.engine.errors import ShapeConceptsError
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 from service.engine.perception import Perception, perceive
-from service.engine.stimuli import Stimuli, stimulate
 from tests.benchmarks.quality_arms import Arm
 from tests.conftest import data_folder
-from worker.evaluation.ablation import arms_of, respond_by, restrict
+from worker.evaluation.ablation import arms_of, even, respond_by, restrict, stimuli_of
 from worker.evaluation.baselines import see_whole
 from worker.evaluation.judgement import Recalled, judge_others, judge_recalls
 from worker.evaluation.labels import judged, read_labels
@@ -144,7 +143,7 @@ def _judge_model(arm: Arm, seed: int, objects: list[Observation], sets: dict[str
     with threadpool_limits(1):
         model = learn(objects, arm.params, seed)
         spectrum = model.spectrum()
-        stimuli = {name: _stimuli(model, seen.perceptions) for name, seen in sets.items()}
+        stimuli = {name: stimuli_of(model, seen.perceptions) for name, seen in sets.items()}
         vectors = {
             name: np.stack([model.compare(each, spectrum).responses for each in of]) for name, of in stimuli.items()
         }
@@ -153,8 +152,8 @@ def _judge_model(arm: Arm, seed: int, objects: list[Observation], sets: dict[str
 
 def _judge_levels(arm: Arm, seed: int, objects: list[Observation], sets: dict[str, Seen]) -> dict[str, Figures]:
     with threadpool_limits(1):
-        model = learn(objects, arm.params, seed)
-        stimuli = {name: _stimuli(model, seen.perceptions) for name, seen in sets.items()}
+        model = even(learn(objects, arm.params, seed))
+        stimuli = {name: stimuli_of(model, seen.perceptions) for name, seen in sets.items()}
         figures = {}
         for left in arms_of(model.ensemble):
             if restricted := restrict(model, left):
@@ -177,22 +176,8 @@ def _best(model: ShapeModel, seen: Perception | None) -> int:
     if seen is None:
         return REFUSED
     spectrum = model.spectrum()
-    (stimuli,) = _stimuli(model, [seen])
+    (stimuli,) = stimuli_of(model, [seen])
     return int(spectrum.ids[rank_concepts(model.compare(stimuli, spectrum).responses, spectrum)[0]])
-
-
-def _stimuli(model: ShapeModel, seen: Sequence[Perception]) -> list[Stimuli]:
-    """As `ShapeModel.respond` makes them, of objects that were perceived already."""
-    return [
-        stimulate(
-            model.ensemble,
-            each.constellations,
-            each.descriptors,
-            model.dictionary.words(each.segment_descriptors),
-            model.params.stimuli,
-        )
-        for each in seen
-    ]
 
 
 def _judge(sets: dict[str, Seen], vectors: dict[str, NDArray[np.float64]], maps: int) -> Figures:

@@ -292,6 +292,9 @@ def test_every_example_of_the_help_runs(
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:
         run("jobs", "submit", "--simulate", "1000", "--name", "default", "--id", "nightly-2025-01-31")
+    if " keys revoke " in example:
+        made = json.loads(run("keys", "create", "robot-7", "--json").stdout)
+        example = example.rpartition(" ")[0] + f" {made['id']}"
     command, _, stdin = example.partition(" < ")
     if "--model" not in command and "respond" in command:
         command += " --model default"
@@ -307,3 +310,22 @@ def test_help_comes_without_loading_the_engine_or_the_server() -> None:
         "assert not loaded, loaded"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+def test_a_key_is_shown_once_and_its_secret_in_no_list(folder: Path) -> None:
+    made = run("keys", "create", "robot-7", "--scope", "answer", "--scope", "train", "--rate", "5")
+    assert made.exit_code == 0
+    text = made.stdout.strip()
+    assert re.fullmatch(r"sc_[0-9a-f]{12}_[A-Za-z0-9_-]{43}", text)
+    (key,) = json.loads(run("keys", "list", "--json").stdout)["keys"]
+    assert (key["name"], key["scopes"], key["rate"], key["revoked"]) == ("robot-7", ["answer", "train"], 5, False)
+    assert run("keys", "revoke", key["id"]).exit_code == 0
+    listed = run("keys", "list")
+    assert "revoked" in listed.stdout
+    assert text.split("_", 2)[2] not in listed.stdout + json.dumps(key)
+
+
+def test_a_key_that_is_not_there_cannot_be_revoked(folder: Path) -> None:
+    result = run("keys", "revoke", "0123456789ab")
+    assert result.exit_code == 1
+    assert "keys list" in result.stderr

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,17 +13,21 @@ from scipy.sparse import csr_array, diags_array
 from threadpoolctl import threadpool_limits
 
 from service.engine.model import ShapeModel
-from service.engine.motifs import Ensemble
-from service.engine.stimuli import Stimuli
+from service.engine.motifs import Constellations, Ensemble
+from service.engine.perception import Perception
+from service.engine.stimuli import Stimuli, stimulate
 from worker.evaluation.answering import Count
 from worker.evaluation.judgement import Recalled, judge_others, judge_recalls
 from worker.evaluation.protocols import Samples
 from worker.evaluation.report import Ablated, AblatedSet
-from worker.learning.train import conceive
+from worker.learning.observations import Observation
+from worker.learning.train import conceive, stack
 
+NO_WORDS = np.zeros((0, 0), np.int64)
 DESCRIPTION = (
     "the stimuli of all other motif levels are taken away, of the training objects and of the clouds; tree, "
-    "filtration, concepts and metric are learnt anew from what is left, and the responses are judged as the model's own"
+    "filtration, concepts and metric are learnt anew from what is left, and the responses are judged as the model's "
+    "own; single segments, unions or wholes that weigh nothing in the model weigh 1 in this"
 )
 
 
@@ -39,17 +43,17 @@ class Arm(NamedTuple):
     levels: tuple[int, ...]
 
 
-class LabelledStimuli(NamedTuple):
+class LabelledObjects(NamedTuple):
     """A set's clouds.
 
     Attributes:
         name: of the set.
-        stimuli: of each of the n clouds.
+        objects: n of them, as the model sees them.
         recalled: their n labels and groups, and what the model's own responses predict.
     """
 
     name: str
-    stimuli: Sequence[Stimuli]
+    objects: Sequence[Observation]
     recalled: Recalled
 
 
@@ -69,11 +73,12 @@ def arms_of(ensemble: Ensemble) -> tuple[Arm, ...]:
     segments, whole = Arm("single segments alone", (below[0],)), Arm("the whole object alone", (top,))
     ranks = [Arm("unions alone", tuple(unions)), *without] if unions else []
     # the last of `upwards` is all but the whole object, the only level of unions is all of them
-    return (segments, *(alone if len(alone) > 1 else ()), whole, *upwards[:-1], *ranks)
+    every = Arm("all motif levels", (*below, top))
+    return (segments, *(alone if len(alone) > 1 else ()), whole, *upwards[:-1], *ranks, every)
 
 
 def ablate(
-    model: ShapeModel, sets: Sequence[LabelledStimuli], count: Count = lambda items, total: items
+    model: ShapeModel, sets: Sequence[LabelledObjects], count: Count = lambda items, total: items
 ) -> list[Ablated]:
     """Judges what is left of a model; arms by which no training object is told from another are left out.
 
@@ -82,9 +87,54 @@ def ablate(
         sets: the first judges itself and all others.
         count: hands on what it is given, and may show how far that is.
     """
+    evened = even(model)
+    stimuli = [stimuli_of(evened, each.objects) for each in sets]
     arms = arms_of(model.ensemble)
-    results = Parallel(return_as="generator")(delayed(_ablate)(model, sets, arm) for arm in arms)
+    results = Parallel(return_as="generator")(delayed(_ablate)(evened, sets, stimuli, arm) for arm in arms)
     return [each for each in count(results, len(arms)) if each is not None]
+
+
+def even(model: ShapeModel) -> ShapeModel:
+    """The model with the stimuli that its training objects have where ranks that weigh nothing count as 1.
+
+    Only where ranks are what constellations are told by: of the training objects' words no other trace is left than
+    the vertices that they activate.
+    """
+    params = model.params.stimuli
+    weights = ("segment_weight", "union_weight", "whole_weight")
+    silent = {name: 1.0 for name in weights if getattr(params, name) == 0}
+    if not silent or not params.balanced or params.gating != "rank":
+        return model
+    params = params.model_copy(update=silent)
+    ensemble = model.ensemble
+    rows = [
+        stimulate(ensemble, seen, ensemble.prototypes[own], NO_WORDS, params) for seen, own in _remembered(ensemble)
+    ]
+    return replace(
+        model, params=model.params.model_copy(update={"stimuli": params}), stimuli=stack(rows, ensemble.vertex_count)
+    )
+
+
+def stimuli_of(model: ShapeModel, objects: Iterable[Observation | Perception]) -> list[Stimuli]:
+    """Of objects that were perceived already."""
+    params, ensemble, dictionary = model.params.stimuli, model.ensemble, model.dictionary
+    return [
+        stimulate(ensemble, o.constellations, o.descriptors, dictionary.words(o.segment_descriptors), params)
+        for o in objects
+    ]
+
+
+def _remembered(ensemble: Ensemble) -> Iterator[tuple[Constellations, NDArray[np.int64]]]:
+    """What the ensemble remembers of each training object: its constellations, and their motif prototypes."""
+    hierarchy = ensemble.hierarchies[0]  # every constellation is in each of them, on the same motif levels
+    vertex, prototype = hierarchy.prototypes.nonzero()
+    level = np.array([motif[0] for motif in hierarchy.vertices])[vertex]
+    for number in range(int(ensemble.objects.max()) + 1):
+        own = np.flatnonzero(ensemble.objects == number)
+        here = (prototype >= own[0]) & (prototype <= own[-1])
+        rows = np.unique(np.column_stack([level[here], prototype[here] - own[0]]), axis=0)
+        nothing, pairs = np.zeros((len(own), 0), bool), np.zeros((0, 2), np.int64)
+        yield Constellations(nothing, rows, pairs, pairs, ensemble.coverage[own], truncated=False), own
 
 
 def restrict(model: ShapeModel, arm: Arm) -> ShapeModel | None:
@@ -106,14 +156,16 @@ def respond_by(model: ShapeModel, arm: Arm, clouds: Iterable[Stimuli]) -> NDArra
     return np.stack([model.compare(Stimuli(s.indices[k], s.values[k]), spectrum).responses for s, k in left])
 
 
-def _ablate(model: ShapeModel, sets: Sequence[LabelledStimuli], arm: Arm) -> Ablated | None:
+def _ablate(
+    model: ShapeModel, sets: Sequence[LabelledObjects], stimuli: Sequence[Sequence[Stimuli]], arm: Arm
+) -> Ablated | None:
     with threadpool_limits(1):
         restricted = restrict(model, arm)
         if restricted is None:
             return None
         samples = [
-            Samples(respond_by(restricted, arm, each.stimuli), each.recalled.labels, each.recalled.groups)
-            for each in sets
+            Samples(respond_by(restricted, arm, of), each.recalled.labels, each.recalled.groups)
+            for each, of in zip(sets, stimuli, strict=True)
         ]
     recalled = [judge_recalls(samples[0]), *(judge_others(samples[0], each) for each in samples[1:])]
     return Ablated(

@@ -18,7 +18,6 @@ from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError, UnreadableCloud
 from service.engine.model import Response, ShapeModel
 from service.engine.perception import perceive
-from service.engine.stimuli import Stimuli
 from worker.evaluation.baselines import describe_whole, see_whole
 from worker.evaluation.labels import LabelledCloud
 from worker.evaluation.robustness import REFUSED, disturbed
@@ -35,7 +34,6 @@ class Answered:
     Attributes:
         cloud: with its label.
         responses: (C,) float64.
-        stimuli: what the responses were made of.
         best: id of the concept that it resembles most.
         seen: the object as the model sees it.
         baselines: its vectors, by the baselines' names.
@@ -44,7 +42,6 @@ class Answered:
 
     cloud: LabelledCloud
     responses: NDArray[np.float64]
-    stimuli: Stimuli
     best: int
     seen: Observation
     baselines: dict[str, NDArray[np.float64]]
@@ -114,7 +111,6 @@ def _judge(model: ShapeModel, labelled: LabelledCloud, cloud: PointCloud, distur
     return Answered(
         cloud=labelled,
         responses=np.asarray(response.responses, dtype=np.float64),
-        stimuli=response.stimuli,
         best=_best(response),
         seen=Observation(labelled.file, digest, seen.constellations, seen.descriptors, draw_thumbnail(seen.graph)),
         baselines=describe_whole(whole),

@@ -25,7 +25,7 @@ from worker.evaluation import (
     regions,
     robustness,
 )
-from worker.evaluation.ablation import LabelledStimuli
+from worker.evaluation.ablation import LabelledObjects
 from worker.evaluation.answering import Answered, AnsweredSet, Count, answer
 from worker.evaluation.judgement import Recalled, judge, judge_others, mean_figures
 from worker.evaluation.labels import LEAST, OTHER, judged, read_labels
@@ -117,8 +117,8 @@ def evaluate(
     ablated = ablation.ablate(
         model,
         [
-            _stimuli_of(answered, kept, own.recalled),
-            *(_stimuli_of(each, of.kept, of.own) for each, of in zip(others, judged_others, strict=True)),
+            _objects_of(answered, kept, own.recalled),
+            *(_objects_of(each, of.kept, of.own) for each, of in zip(others, judged_others, strict=True)),
         ],
         count,
     )
@@ -206,8 +206,8 @@ def _judge_other(answered: AnsweredSet, samples: Mapping[str, Samples], files: S
     return JudgedOther(kept, recalled.pop(RESPONSES), recalled)
 
 
-def _stimuli_of(answered: AnsweredSet, kept: Sequence[Answered], recalled: Recalled) -> LabelledStimuli:
-    return LabelledStimuli(str(answered.table), [each.stimuli for each in kept], recalled)
+def _objects_of(answered: AnsweredSet, kept: Sequence[Answered], recalled: Recalled) -> LabelledObjects:
+    return LabelledObjects(str(answered.table), [each.seen for each in kept], recalled)
 
 
 def _judge_grouping(

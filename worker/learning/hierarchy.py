@@ -29,6 +29,7 @@ def grow_ensemble(objects: Sequence[Observation], dictionary: Dictionary) -> Ens
         ),
         prototypes=np.concatenate([o.descriptors for o in objects]),
         objects=np.repeat(np.arange(len(objects)), sizes),
+        coverage=np.concatenate([o.constellations.coverage for o in objects]),
     )
 
 

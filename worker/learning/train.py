@@ -144,11 +144,15 @@ def _stimulate_all(
     results: list[list[Stimuli]] = Parallel()(
         delayed(_stimulate)(batch, dictionary, ensemble, params) for batch in batches
     )
-    rows = [row for batch in results for row in batch]
+    return stack([row for batch in results for row in batch], ensemble.vertex_count)
+
+
+def stack(rows: Sequence[Stimuli], vertices: int) -> csr_array:
+    """Stimuli vectors of N objects as the rows of a sparse matrix (N, V)."""
     indptr = np.cumsum([0, *(len(row.indices) for row in rows)], dtype=np.int64)
     data = np.concatenate([row.values for row in rows])
     indices = np.concatenate([row.indices for row in rows])
-    return csr_array((data, indices, indptr), shape=(len(rows), ensemble.vertex_count))
+    return csr_array((data, indices, indptr), shape=(len(rows), vertices))
 
 
 def _stimulate(

@@ -7,7 +7,7 @@ from fastapi_offline import FastAPIOffline
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import health, models, problems, responses
+from service.transports.rest import access, health, models, problems, responses
 
 
 def create_app(application: Application) -> FastAPI:
@@ -21,6 +21,12 @@ def create_app(application: Application) -> FastAPI:
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",
     )
     problems.install(app)
-    for module in (responses, models, health):
-        app.include_router(module.router(application))
+    app.include_router(health.router(application))
+    for module, entering in (
+        (responses, access.needing(application, "answer")),
+        (models, access.reading(application, otherwise="manage")),
+    ):
+        app.include_router(
+            module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)
+        )
     return app

@@ -10,6 +10,8 @@ from typing import Any
 from service.engine.errors import (
     ModelDamaged,
     ModelNotFound,
+    NotAllowed,
+    NotAuthenticated,
     Overloaded,
     ShapeConceptsError,
     StoreUnavailable,
@@ -247,6 +249,8 @@ MANIFEST: dict[str, Any] = {
 }
 
 _ERRORS: tuple[ShapeConceptsError, ...] = (
+    NotAuthenticated("An access key is needed; ask the operator of the service for one."),
+    NotAllowed("The access key 'robot-7' allows to answer, not to manage."),
     UnreadableCloud("The form has no file in the field 'cloud': send it with -F cloud=@FILE."),
     ModelNotFound("There is no 'mugs@production'. The store holds: default."),
     TooManyPoints(

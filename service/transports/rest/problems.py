@@ -61,8 +61,13 @@ def documented(example: dict[str, Any], *statuses: int) -> dict[int | str, dict[
         example: of the answer when all goes well.
         statuses: of the errors that may occur.
     """
+    return {200: {"content": {"application/json": {"example": example}}}} | refused(*statuses)
+
+
+def refused(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """OpenAPI's description of errors, by HTTP status."""
     schema = {"$ref": "#/components/schemas/Problem"}
-    described: dict[int | str, dict[str, Any]] = {200: {"content": {"application/json": {"example": example}}}}
+    described: dict[int | str, dict[str, Any]] = {}
     for status in statuses:
         content = {errors.MEDIA_TYPE: {"schema": schema, "example": examples.PROBLEMS[status]}}
         described[status] = {"description": HTTPStatus(status).phrase, "content": content}
@@ -124,7 +129,8 @@ async def _ours(request: Request, error: Exception) -> Response:
         log.error("%s %s: %s: %s", request.state.id, request.url.path, error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", request.state.id, request.url.path, error)
-    return _answer(document, {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {})
+    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    return _answer(document, headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {}))
 
 
 async def _http(request: Request, error: Exception) -> Response:

@@ -6,6 +6,7 @@ import pytest
 
 from service.clouds.formats import FORMATS, by_content, by_media_type, tell
 from service.engine.errors import UnsupportedFormat
+from tests.conftest import ROOT
 from tests.service.clouds.written import every_kind, some_points
 
 KINDS = every_kind(some_points())
@@ -73,3 +74,9 @@ def test_no_two_formats_share_an_ending_or_a_media_type():
     for attribute in ("endings", "media_types"):
         every = [value for entry in FORMATS.values() for value in getattr(entry, attribute)]
         assert len(every) == len(set(every))
+
+
+def test_the_readme_names_every_format_that_is_read():
+    readme = (ROOT / "README.md").read_text()
+    for entry in FORMATS.values():
+        assert f"`{entry.media_types[0]}`" in readme, entry.name

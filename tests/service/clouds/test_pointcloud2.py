@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.clouds import read
-from service.clouds.pointcloud2 import Origin, read_with_origin
+from service.clouds.pointcloud2 import Origin, read_origin, read_with_origin
 from service.engine.errors import EmptyCloud, ShapeConceptsError, UnreadableCloud
 from tests.service.clouds.written import ROS, pointcloud2, some_points
 
@@ -46,6 +46,7 @@ def test_an_organised_cloud_gives_its_points_row_after_row_with_the_gaps_between
 def test_where_and_when_it_was_measured_is_told_beside_the_cloud():
     cloud, origin = read_with_origin(pointcloud2(POINTS), 1000)
     assert origin == Origin("lidar", 1_700_000_000_000_000_005)
+    assert origin == read_origin(pointcloud2(POINTS, little=False))
     assert np.array_equal(cloud.xyz, POINTS)
 
 

@@ -108,7 +108,7 @@ def learnt_sixty() -> tuple[Ensemble, NoveltyScale]:
     seen = observe((NamedCloud(str(o.index), o.cloud) for o in objects(60, 21)), ModelParams())
     known = [o for o in seen if isinstance(o, Observation)]
     owners = np.repeat(np.arange(len(known)), [len(o.descriptors) for o in known])
-    ensemble = Ensemble((), np.concatenate([o.descriptors for o in known]), owners)
+    ensemble = Ensemble((), np.concatenate([o.descriptors for o in known]), owners, np.ones(len(owners)))
     return ensemble, learn_novelty(known, ensemble)
 
 

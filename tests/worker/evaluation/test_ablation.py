@@ -6,18 +6,45 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.sparse import csr_array
 
 from service.engine.model import ShapeModel
-from service.engine.params import ModelParams, StimuliParams
+from service.engine.perception import perceive
 from service.engine.stimuli import Stimuli
-from tests.learnt import learnt, named_clouds
-from worker.evaluation.ablation import Arm, arms_of, respond_by, restrict
+from tests.learnt import learnt, named_clouds, perceived
+from worker.evaluation.ablation import Arm, arms_of, even, respond_by, restrict, stimuli_of
+
+
+@cache
+def evened() -> ShapeModel:
+    return even(learnt())
 
 
 @cache
 def clouds() -> tuple[Stimuli, ...]:
-    return tuple(learnt().respond(named.cloud).stimuli for named in named_clouds()[:6])
+    return tuple(stimuli_of(evened(), perceived()[:6]))
+
+
+def test_a_rank_that_weighs_nothing_counts_as_one_and_the_others_stay_what_they_are() -> None:
+    model, ranks = learnt(), learnt().ensemble.vertex_ranks
+    assert model.params.stimuli.union_weight == 0
+    before, after = model.stimuli.toarray(), evened().stimuli.toarray()
+    assert not before[:, ranks == 1].any()
+    assert after[:, ranks == 1].sum(axis=1) == pytest.approx(np.full(len(after), len(ranks)), rel=1e-5)
+    assert np.array_equal(before[:, ranks != 1], after[:, ranks != 1])
+
+
+def test_what_is_remembered_of_training_objects_gives_the_stimuli_that_they_had() -> None:
+    for row, own in enumerate(stimuli_of(evened(), perceived())):
+        start, stop = evened().stimuli.indptr[row : row + 2]
+        assert np.array_equal(own.indices, evened().stimuli.indices[start:stop])
+        assert np.array_equal(own.values, evened().stimuli.data[start:stop])
+
+
+def test_a_model_whose_ranks_all_weigh_something_is_left_as_it_is() -> None:
+    assert even(evened()) is evened()
+    assert even(learnt("paper")) is learnt("paper")
 
 
 def every_level(model: ShapeModel) -> tuple[int, ...]:
@@ -25,17 +52,18 @@ def every_level(model: ShapeModel) -> tuple[int, ...]:
 
 
 def test_with_every_level_left_the_model_is_what_it_was() -> None:
-    model, arm = learnt(), Arm("all", every_level(learnt()))
+    model, arm = learnt("paper"), Arm("all", every_level(learnt("paper")))
     restricted = restrict(model, arm)
     assert restricted is not None
     assert np.array_equal(restricted.space.edges, model.space.edges)
     assert restricted.filtration.epsilon_max == model.filtration.epsilon_max
     own = np.stack([model.respond(named.cloud).responses for named in named_clouds()[:6]])
-    assert np.allclose(respond_by(restricted, arm, clouds()), own)
+    seen = stimuli_of(model, [perceive(named.cloud, model.params) for named in named_clouds()[:6]])
+    assert np.allclose(respond_by(restricted, arm, seen), own)
 
 
 def test_what_is_taken_away_has_no_say() -> None:
-    model = learnt()
+    model = evened()
     for arm in arms_of(model.ensemble):
         kept = np.isin(model.ensemble.vertex_levels, arm.levels)
         loud = model.stimuli.multiply(np.where(kept, 1.0, 7.0)[None, :]).astype(np.float32)
@@ -63,9 +91,5 @@ def test_arms_are_each_level_alone_the_levels_up_to_each_and_each_rank_left_out(
 
 
 def test_a_level_without_stimuli_is_no_arm_to_judge() -> None:
-    silent = StimuliParams(union_weight=0)
-    model = replace(learnt(), params=ModelParams(stimuli=silent))
-    kept = learnt().ensemble.vertex_ranks != 1
-    model = replace(model, stimuli=csr_array(model.stimuli.multiply(kept[None, :]).astype(np.float32)))
-    assert restrict(model, Arm("unions", tuple(range(2, 13)))) is None
-    assert restrict(model, Arm("segments", (1,))) is not None
+    assert restrict(learnt(), Arm("unions", tuple(range(2, 13)))) is None
+    assert restrict(learnt(), Arm("segments", (1,))) is not None

@@ -1,0 +1,134 @@
+"""The gate: scopes, rates and numbers at a time; and where it stands open."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from service.access import ANYBODY, Gate, check_keys, check_tls, needs_keys
+from service.engine.errors import InvalidParameter, NotAllowed, NotAuthenticated, RateExceeded
+from service.keys import KeyStore
+from service.settings import Settings
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.time = 1000.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> KeyStore:
+    return KeyStore(tmp_path)
+
+
+def test_an_open_gate_lets_everybody_in() -> None:
+    for text in (None, "", "anything"):
+        with Gate(None).entered(text, "manage") as caller:
+            assert caller == ANYBODY
+
+
+def test_a_key_opens_what_it_is_for_and_nothing_else(keys: KeyStore) -> None:
+    text, key = keys.create("robot-7", ("answer", "train"))
+    gate = Gate(keys.valid)
+    for scope in ("answer", "train"):
+        with gate.entered(text, scope) as caller:
+            assert caller == (key.id, "robot-7")
+    with pytest.raises(NotAllowed, match="allows to answer, train, not to manage"), gate.entered(text, "manage"):
+        pass
+    for nothing in (None, "", "sc_wrong"):
+        with pytest.raises(NotAuthenticated), gate.entered(nothing, "answer"):
+            pass
+
+
+def test_a_key_revoked_meanwhile_is_refused(keys: KeyStore) -> None:
+    text, key = keys.create("robot-7", ("answer",))
+    gate = Gate(keys.valid)
+    with gate.entered(text, "answer"):
+        keys.revoke(key.id)  # what is under way is finished
+    with pytest.raises(NotAuthenticated), gate.entered(text, "answer"):
+        pass
+
+
+def test_no_more_requests_are_under_way_than_a_key_may_have(keys: KeyStore) -> None:
+    text, _ = keys.create("robot-7", ("answer",), concurrency=2)
+    other, _ = keys.create("robot-8", ("answer",), concurrency=1)
+    gate = Gate(keys.valid)
+    with ExitStack() as under_way:
+        for _ in range(2):
+            under_way.enter_context(gate.entered(text, "answer"))
+        with pytest.raises(RateExceeded, match="2 requests under way"), gate.entered(text, "answer"):
+            pass
+        under_way.enter_context(gate.entered(other, "answer"))
+    with gate.entered(text, "answer"):
+        pass
+
+
+def test_a_request_that_fails_gives_its_place_back(keys: KeyStore) -> None:
+    text, _ = keys.create("robot-7", ("answer",), concurrency=1)
+    gate = Gate(keys.valid)
+    for _ in range(3):
+        with pytest.raises(RuntimeError), gate.entered(text, "answer"):
+            raise RuntimeError
+
+
+@pytest.mark.parametrize(("rate", "at_once", "after"), [(5.0, 5, 0.2), (0.5, 1, 2.0), (1.0, 1, 1.0)])
+def test_a_key_makes_so_many_requests_a_second(keys: KeyStore, rate: float, at_once: int, after: float) -> None:
+    text, _ = keys.create("robot-7", ("answer",), rate=rate)
+    clock = Clock()
+    gate = Gate(keys.valid, clock)
+
+    def passes() -> bool:
+        try:
+            with gate.entered(text, "answer"):
+                return True
+        except RateExceeded:
+            return False
+
+    assert [passes() for _ in range(at_once + 2)] == [True] * at_once + [False] * 2
+    clock.time += after * 1.001
+    assert [passes(), passes()] == [True, False]
+    clock.time += 3600  # rest is not saved up
+    assert sum(passes() for _ in range(50)) == at_once
+
+
+@pytest.mark.parametrize(
+    ("host", "access", "needed"),
+    [
+        ("127.0.0.1", "auto", False),
+        ("127.8.0.1", "auto", False),
+        ("localhost", "auto", False),
+        ("::1", "auto", False),
+        ("0.0.0.0", "auto", True),
+        ("::", "auto", True),
+        ("192.168.1.4", "auto", True),
+        ("robot.local", "auto", True),
+        ("127.0.0.1", "keys", True),
+        ("0.0.0.0", "open", False),
+    ],
+)
+def test_keys_are_needed_wherever_others_reach_unless_told_otherwise(
+    host: str, access: str, needed: bool, keys: KeyStore, tmp_path: Path
+) -> None:
+    settings = Settings(store=str(tmp_path), host=host, access=access)
+    assert needs_keys(settings) is needed
+    if needed:
+        with pytest.raises(InvalidParameter, match="shape-concepts keys create"):
+            check_keys(settings, keys.valid())
+    keys.create("robot-7", ("answer",))
+    check_keys(settings, keys.valid())
+
+
+def test_half_a_configuration_of_tls_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "service.pem"
+    file.write_text("")
+    check_tls(Settings())
+    check_tls(Settings(tls_certificate=file, tls_key=file))
+    with pytest.raises(InvalidParameter, match="SHAPE_CONCEPTS_TLS_KEY"):
+        check_tls(Settings(tls_certificate=file))
+    with pytest.raises(InvalidParameter, match="no file"):
+        check_tls(Settings(tls_certificate=file, tls_key=tmp_path / "lost.key"))

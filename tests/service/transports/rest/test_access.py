@@ -1,0 +1,93 @@
+"""Access keys over HTTP, by a real client of a real server."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import uvicorn
+
+from service.application import Application
+from service.keys import KeyStore
+from service.settings import Settings
+from service.transports.rest.app import create_app
+from service.transports.rest.examples import CLOUD_XYZ
+
+
+@pytest.fixture
+def guarded(settings: Settings) -> Iterator[httpx.Client]:
+    """A client, without a key, of a server that asks for keys."""
+    application = Application(settings.model_copy(update={"access": "keys"}))
+    server = uvicorn.Server(uvicorn.Config(create_app(application), host="127.0.0.1", port=0, log_level="error"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    with httpx.Client(base_url=f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}") as client:
+        yield client
+    server.should_exit = True
+    thread.join()
+    application.close()
+
+
+def bearing(text: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {text}"}
+
+
+def test_without_a_key_nothing_but_health_is_told(guarded: httpx.Client) -> None:
+    assert guarded.get("/healthz").status_code == 200
+    assert guarded.get("/readyz").status_code == 200
+    for refused in (
+        guarded.get("/v1/models"),
+        guarded.post("/v1/responses", content=CLOUD_XYZ),
+        guarded.get("/v1/models", headers=bearing("sc_wrong")),
+        guarded.get("/v1/models", headers={"Authorization": "Basic eDp5"}),
+    ):
+        assert refused.status_code == 401
+        assert refused.headers["WWW-Authenticate"] == "Bearer"
+        assert refused.headers["Content-Type"] == "application/problem+json"
+        assert refused.json()["type"].endswith("not-authenticated")
+
+
+def test_a_key_is_let_in_and_its_scope_holds(guarded: httpx.Client, settings: Settings) -> None:
+    keys = KeyStore(settings.store)
+    answering, training = keys.create("a", ("answer",)).text, keys.create("b", ("train",)).text
+    time.sleep(1.1)  # the service believes what it read for a second
+    answered = guarded.post("/v1/responses", content=CLOUD_XYZ, headers=bearing(answering))
+    assert answered.status_code == 200, answered.text
+    assert guarded.get("/v1/models", headers=bearing(answering)).status_code == 200
+    refused = guarded.post("/v1/responses", content=CLOUD_XYZ, headers=bearing(training))
+    assert refused.status_code == 403
+    assert "not to answer" in refused.json()["detail"]
+
+
+def test_a_key_that_is_used_too_much_is_told_when_to_come_back(guarded: httpx.Client, settings: Settings) -> None:
+    text = KeyStore(settings.store).create("hasty", ("answer",), rate=0.1).text
+    codes = [guarded.get("/v1/models", headers=bearing(text)) for _ in range(3)]
+    assert [each.status_code for each in codes] == [200, 429, 429]
+    assert int(codes[-1].headers["Retry-After"]) >= 1
+
+
+def test_a_revoked_key_is_refused_within_seconds(guarded: httpx.Client, settings: Settings) -> None:
+    keys = KeyStore(settings.store)
+    text, key = keys.create("gone", ("answer",))
+    assert guarded.get("/v1/models", headers=bearing(text)).status_code == 200
+    keys.revoke(key.id)
+    time.sleep(1.2)
+    guarded.get("/v1/models", headers=bearing(text))
+    assert guarded.get("/v1/models", headers=bearing(text)).status_code == 401
+
+
+def test_the_description_says_where_a_key_is_needed(guarded: httpx.Client) -> None:
+    paths = guarded.get("/openapi.json").json()["paths"]
+    needing = {path for path, methods in paths.items() for each in methods.values() if each.get("security")}
+    assert {path for path in paths if path.startswith("/v1/")} == needing
+    for path in needing:
+        assert all({"401", "403", "429"} <= set(each["responses"]) for each in paths[path].values())
+
+
+def test_where_everybody_may_ask_a_key_does_no_harm(client: httpx.Client) -> None:
+    assert client.get("/v1/models", headers=bearing("sc_wrong")).status_code == 200
