@@ -26,6 +26,7 @@ SERVICE = "shape-concepts/@v1"
 ASKED = re.compile(rf"{SERVICE}/(?:replicas/[^/]+/)?models/(?P<model>[^/*$]+)/respond")
 JSON = "application/json"
 LONGEST_NAME = 200  # characters
+LONGEST_KEY = 1024  # bytes
 
 
 class Queries:
@@ -89,6 +90,10 @@ class Queries:
                 await asyncio.to_thread(_reply, query, answer)
 
     def _respond(self, query: zenoh.Query) -> str:
+        with self._application.access.entered(_access_key(query), "answer"):
+            return self._answered(query)
+
+    def _answered(self, query: zenoh.Query) -> str:
         asked = parse(query.parameters)
         model = _model_of(str(query.key_expr))
         data = b"" if query.payload is None else query.payload.to_bytes()
@@ -97,6 +102,14 @@ class Queries:
         flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
         answer = self._application.respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
         return answer.model_dump_json()
+
+
+def _access_key(query: zenoh.Query) -> str | None:
+    """The access key that a query bears as its attachment."""
+    attachment = query.attachment
+    if attachment is None or len(attachment) > LONGEST_KEY:
+        return None
+    return attachment.to_bytes().decode(errors="replace").strip()
 
 
 def _model_of(key: str) -> str:

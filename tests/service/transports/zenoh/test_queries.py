@@ -16,6 +16,8 @@ import zenoh
 from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
+from service.keys import KeyStore
+from service.settings import Settings
 from tests.service.clouds.written import npy, pointcloud2
 from tests.service.transports.rest.test_responses import REFUSED, answer_of, as_xyz
 from tests.service.transports.zenoh.conftest import Served, replicas, running
@@ -204,6 +206,25 @@ def test_a_particular_replica_can_be_asked(served: Served, robot: zenoh.Session,
             (reply,) = robot.get(f"{token}/models/tiny/respond", payload=content, timeout=20)
             outcomes.append(reply.ok is not None)
         assert sorted(outcomes) == [False, True]
+
+
+def test_where_access_keys_are_needed_a_query_bears_one_as_its_attachment(
+    served: Served, robot: zenoh.Session, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    keys = KeyStore(settings.store)
+    answering, training = keys.create("a", ("answer",)).text, keys.create("b", ("train",)).text
+    served(access="keys")
+    content = write_ply(clouds[0])
+    assert ask(robot, "tiny/respond", content, attachment=answering)[0]
+    for attachment, kind in (
+        (None, "not-authenticated"),
+        (b"sc_wrong", "not-authenticated"),
+        (b"\xff\xfe", "not-authenticated"),
+        (bytes(5000), "not-authenticated"),
+        (training, "not-allowed"),
+    ):
+        good, _, problem = ask(robot, "tiny/respond", content, attachment=attachment)
+        assert (good, problem["type"]) == (False, f"urn:shape-concepts:error:{kind}")
 
 
 def test_a_replica_that_ends_leaves_no_session_and_no_thread(served: Served, robot: zenoh.Session) -> None:
