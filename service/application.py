@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time as clock
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,15 +17,19 @@ from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
+from service.engine.errors import InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
+from service.metrics import State
 from service.model_file import Manifest
 from service.pool import Intake, Pool
 from service.settings import Settings
-from service.store import NO_MODEL, PRODUCTION, ModelStore
+from service.store import NO_MODEL, PRODUCTION, REFERENCE, ModelStore
+from service.telemetry import Telemetry
+
+LOOKING = 1.0  # seconds that are spent on looking up what aliases mean, for the metrics
 
 
 class CloudFile(NamedTuple):
@@ -70,24 +75,29 @@ class Application:
 
     Args:
         settings: where the models are, which one answers by default, and the limits.
+        telemetry: measures requests; None for one without traces.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, telemetry: Telemetry | None = None) -> None:
         self.settings = settings
+        self.telemetry = telemetry or Telemetry()
         self.store = ModelStore(settings.store)
-        self.pool = Pool(settings.workers, settings.queue)
+        self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
         self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
+        self._aliases: dict[tuple[str, str], int] = {}
+        self.telemetry.metrics.watch(self._state)
 
     def close(self) -> None:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
         self._jobs.close()
+        self.telemetry.close()
 
     def respond(
         self,
@@ -125,11 +135,13 @@ class Application:
             raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
         name, number = self.which(model, version, alias)
         shape_model = self._models.get(name, number)
-        timings = _Timings(on_stage)
-        timings.begin("decode")
-        points = self._points(cloud)
-        response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=timings.begin)
-        return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli)
+        with self.telemetry.answering(on_stage) as stages:
+            stages.begin("decode")
+            points = self._points(cloud)
+            response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
+        answer = compose(response, (name, number), stages.timings_ms(), top=top, stimuli=stimuli)
+        self.telemetry.answered(answer)
+        return answer
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant.
@@ -261,7 +273,27 @@ class Application:
         raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
 
     def _resolve(self, reference: str) -> tuple[str, int]:
-        return self._answers.get(f"the model {reference}", lambda: self.store.resolve(reference))
+        found = self._answers.get(f"the model {reference}", lambda: self.store.resolve(reference))
+        if (match := REFERENCE.fullmatch(reference)) and not match["version"]:
+            self._aliases[(found[0], match["alias"] or PRODUCTION)] = found[1]
+        return found
+
+    def _state(self) -> State:
+        """How the service stands, for its metrics."""
+        until = clock.monotonic() + LOOKING
+        for name, alias in list(self._aliases):
+            if clock.monotonic() < until:  # a store that is away holds up nobody who wants to know how we are
+                with suppress(ShapeConceptsError):  # then the version that was served last stays
+                    self._resolve(f"{name}@{alias}")
+        return State(
+            at_work=self.pool.at_work,
+            waiting=self.pool.waiting,
+            places=self.pool.places,
+            held=self.intake.held,
+            limit=self.intake.limit,
+            loaded=self._models.loaded(),
+            serving=dict(self._aliases),
+        )
 
     def _names(self) -> list[str]:
         """Names of all models; there is at least one."""
@@ -290,23 +322,3 @@ def parse_viewpoint(text: str) -> clouds.Viewpoint:
     except ValueError:
         raise InvalidParameter(f"The viewpoint is numbers, separated by commas; it was '{text[:100]}'.") from None
     return clouds.Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]) if turn else (1.0, 0.0, 0.0, 0.0))
-
-
-class _Timings:
-    """A clock that is told when a stage begins, and tells the caller."""
-
-    def __init__(self, on_stage: OnStage) -> None:
-        self._on_stage = on_stage
-        self._begun: list[tuple[str, float]] = []
-
-    def begin(self, stage: str) -> None:
-        self._on_stage(stage)
-        self._begun.append((stage, clock.perf_counter()))
-
-    def end(self) -> dict[str, float]:
-        """Milliseconds of each stage; a stage that began several times has their sum."""
-        ends = [start for _, start in self._begun[1:]] + [clock.perf_counter()]
-        spent: dict[str, float] = {}
-        for (stage, start), end in zip(self._begun, ends, strict=True):
-            spent[stage] = round(spent.get(stage, 0.0) + (end - start) * 1000, 3)
-        return spent

@@ -10,10 +10,12 @@ from contextlib import AsyncExitStack
 
 import uvicorn
 
+from service import logs, traces
 from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
+from service.telemetry import Telemetry
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 
@@ -30,9 +32,9 @@ def serve(settings: Settings) -> None:
         InvalidParameter: keys are needed and there are none, or a file for TLS is missing.
         SystemExit: an address cannot be listened on.
     """
-    logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    logs.set_up(settings.log_level, settings.log_format)
     check_tls(settings)
-    application = Application(settings)
+    application = Application(settings, Telemetry(traces.from_environment()))
     if needs_keys(settings):
         check_keys(settings, application.valid_keys())
     threading.Thread(target=_warm, args=[application], name="warm", daemon=True).start()
@@ -53,6 +55,7 @@ async def _serve(application: Application, settings: Settings) -> None:
             host=settings.host,
             port=settings.port,
             log_config=None,
+            access_log=False,  # telemetry writes a line a request, for every transport
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE,

@@ -75,4 +75,7 @@ class Settings(BaseSettings):
     body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
     loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
+    log_format: Literal["text", "json"] = Field(
+        "text", description="form of the log's lines: 'text' for people, 'json': one JSON object a line, for programs"
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

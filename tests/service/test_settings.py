@@ -34,6 +34,7 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
         "body_pause": "0.5",
         "max_points": "1000",
         "loaded_models": "2",
+        "log_format": "json",
         "log_level": "error",
     }
     assert set(given) == set(Settings.model_fields)

@@ -7,7 +7,7 @@ from fastapi_offline import FastAPIOffline
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import access, health, models, problems, responses
+from service.transports.rest import access, health, models, observing, problems, responses
 
 
 def create_app(application: Application) -> FastAPI:
@@ -20,8 +20,10 @@ def create_app(application: Application) -> FastAPI:
         version=__version__,
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",
     )
+    app.add_middleware(observing.Observing, application=application)
     problems.install(app)
     app.include_router(health.router(application))
+    app.include_router(observing.router(application), dependencies=[access.needing(application, "manage")])
     for module, entering in (
         (responses, access.needing(application, "answer")),
         (models, access.reading(application, otherwise="manage")),
