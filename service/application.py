@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time as clock
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +15,10 @@ from service import clouds
 from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
+from service.built_in import built_in
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
-from service.engine.model import OnStage, ignore_stage
+from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
@@ -55,11 +55,12 @@ class CloudFile(NamedTuple):
 
 
 class ModelSummary(BaseModel):
-    """A model of the store."""
+    """A model that can be asked."""
 
     name: str = Field(description="the model's name")
     versions: list[int] = Field(description="its versions, ascending")
     aliases: dict[str, int] = Field(description="what each alias means now")
+    built_in: bool = Field(False, description="whether it came with the service, as the store holds no model yet")
 
 
 class Readiness(BaseModel):
@@ -68,6 +69,29 @@ class Readiness(BaseModel):
     model: str | None = Field(description="model that answers requests which name none; null if they must")
     version: int | None = Field(description="its version")
     models: list[str] = Field(description="names of all models in the store")
+    built_in: bool = Field(False, description="whether it is the one that came with the service: the store holds none")
+
+
+class _Source(NamedTuple):
+    """Models that are read: a store, and what of it is in memory."""
+
+    store: ModelStore
+    models: Models
+
+    @classmethod
+    def of(cls, store: ModelStore, limit: int) -> _Source:
+        return cls(store, Models(lambda name, version: store.load(name, version)[0], limit))
+
+
+class _Meant(NamedTuple):
+    """The version of a model that a request means."""
+
+    source: _Source
+    name: str
+    version: int
+
+    def model(self) -> ShapeModel:
+        return self.source.models.get(self.name, self.version)
 
 
 class Application:
@@ -85,10 +109,12 @@ class Application:
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
-        self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
+        self._own = _Source.of(self.store, settings.loaded_models)
+        self._built_in = _Source.of(built_in(), 1) if settings.built_in else None
         self._answers = Answers()
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
+        self._has_models = not settings.built_in  # whether the store is known to hold any
         self._aliases: dict[tuple[str, str], int] = {}
         self.telemetry.metrics.watch(self._state)
 
@@ -133,13 +159,13 @@ class Application:
         """
         if top is not None and top < 1:
             raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
-        name, number = self.which(model, version, alias)
-        shape_model = self._models.get(name, number)
+        meant = self._meant(model, version, alias)
+        shape_model = meant.model()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             points = self._points(cloud)
             response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
-        answer = compose(response, (name, number), stages.timings_ms(), top=top, stimuli=stimuli)
+        answer = compose(response, (meant.name, meant.version), stages.timings_ms(), top=top, stimuli=stimuli)
         self.telemetry.answered(answer)
         return answer
 
@@ -150,15 +176,8 @@ class Application:
             InvalidParameter: the three contradict each other, or several models could be meant.
             ModelNotFound: there is no such model.
         """
-        reference = model or self.settings.model or self._only_model()
-        if version is not None and alias is not None:
-            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
-        if version is None and alias is None:
-            return self._resolve(reference)
-        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
-        if qualifier and model:
-            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
-        return self._resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
+        meant = self._meant(model, version, alias)
+        return meant.name, meant.version
 
     def prepare(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant, as `which`; it is in memory afterwards.
@@ -166,34 +185,38 @@ class Application:
         Raises:
             ModelDamaged, ModelIncompatible: the model cannot be used.
         """
-        name, number = self.which(model, version, alias)
-        self._models.get(name, number)
-        return name, number
+        meant = self._meant(model, version, alias)
+        meant.model()
+        return meant.name, meant.version
 
     def ready(self) -> Readiness:
         """Whether there is a model to answer with; loads the default one.
 
         Raises:
-            ModelNotFound: the store holds no model.
+            ModelNotFound: the store holds no model, and there is no built-in one.
             StoreUnavailable: it cannot be read, and could not be before.
             ModelDamaged, ModelIncompatible: the default model cannot be used.
         """
-        names = self._names()
+        source = self._source()
+        names = self._names(source)
         if self.settings.model is None and len(names) > 1:
             return Readiness(model=None, version=None, models=names)
-        name, version = self.prepare(None)
-        return Readiness(model=name, version=version, models=names)
+        meant = self._meant(None)
+        meant.model()
+        return Readiness(model=meant.name, version=meant.version, models=names, built_in=meant.source is self._built_in)
 
     def models(self) -> list[ModelSummary]:
-        """All models of the store with their versions and aliases."""
+        """All models with their versions and aliases: those of the store, or the built-in one if it holds none."""
+        source = self._source()
+        store, lent = source.store, source is self._built_in
         return [
-            ModelSummary(name=name, versions=self.store.versions(name), aliases=self.store.aliases(name))
-            for name in self.store.names()
+            ModelSummary(name=name, versions=store.versions(name), aliases=store.aliases(name), built_in=lent)
+            for name in store.names()
         ]
 
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
-        return self.store.manifest(name, version)
+        return self._source().store.manifest(name, version)
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
@@ -205,7 +228,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._models.get(*self.which(name, version)).prototypes.thumbnails
+        thumbnails = self._meant(name, version).model().prototypes.thumbnails
         if not 0 <= number < len(thumbnails):
             raise InvalidParameter(
                 f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
@@ -214,11 +237,12 @@ class Application:
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
         """All that each alias of a model has meant, oldest first."""
-        return {alias: self.store.alias_history(name, alias) for alias in self.store.aliases(name)}
+        store = self._source().store
+        return {alias: store.alias_history(name, alias) for alias in store.aliases(name)}
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
         """Writes a version's files into a folder; returns them."""
-        return self.store.export(name, version, out_dir)
+        return self._source().store.export(name, version, out_dir)
 
     def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
         """Lets an alias mean the version that a reference names; returns its name and version."""
@@ -266,44 +290,73 @@ class Application:
             max_points=limit,
         )
 
-    def _only_model(self) -> str:
-        names = self._names()
+    def _meant(self, model: str | None, version: int | None = None, alias: str | None = None) -> _Meant:
+        """As `which`."""
+        source = self._source()
+        reference = model or self.settings.model or self._only_model(source)
+        if version is not None and alias is not None:
+            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
+        if version is None and alias is None:
+            return self._resolve(source, reference)
+        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
+        if qualifier and model:
+            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
+        return self._resolve(source, f"{name}:{version}" if alias is None else f"{name}@{alias}")
+
+    def _source(self) -> _Source:
+        """What is read: the store, or the built-in model until the store holds one."""
+        if self._built_in is None or self._has_models:
+            return self._own
+        # Believed like any other answer of the store, so that a request has models from one source alone.
+        if self._answers.get("whether there is a model", lambda: bool(self.store.names())):
+            self._has_models = True
+            return self._own
+        return self._built_in
+
+    def _only_model(self, source: _Source) -> str:
+        names = self._names(source)
         if len(names) == 1:
             return names[0]
         raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
 
-    def _resolve(self, reference: str) -> tuple[str, int]:
-        found = self._answers.get(f"the model {reference}", lambda: self.store.resolve(reference))
+    def _resolve(self, source: _Source, reference: str) -> _Meant:
+        store = source.store
+        found = self._answers.get(f"the model {reference} in {store.url}", lambda: store.resolve(reference))
         if (match := REFERENCE.fullmatch(reference)) and not match["version"]:
             self._aliases[(found[0], match["alias"] or PRODUCTION)] = found[1]
-        return found
+        return _Meant(source, *found)
 
     def _state(self) -> State:
         """How the service stands, for its metrics."""
+        source = self._own if self._has_models else self._built_in or self._own
         until = clock.monotonic() + LOOKING
         for name, alias in list(self._aliases):
             if clock.monotonic() < until:  # a store that is away holds up nobody who wants to know how we are
-                with suppress(ShapeConceptsError):  # then the version that was served last stays
-                    self._resolve(f"{name}@{alias}")
+                try:
+                    self._resolve(source, f"{name}@{alias}")
+                except ModelNotFound:
+                    self._aliases.pop((name, alias), None)
+                except ShapeConceptsError:
+                    continue  # the version that was served last stays
         return State(
             at_work=self.pool.at_work,
             waiting=self.pool.waiting,
             places=self.pool.places,
             held=self.intake.held,
             limit=self.intake.limit,
-            loaded=self._models.loaded(),
+            loaded=source.models.loaded(),
             serving=dict(self._aliases),
         )
 
-    def _names(self) -> list[str]:
+    def _names(self, source: _Source) -> list[str]:
         """Names of all models; there is at least one."""
 
         def read() -> list[str]:
-            if names := self.store.names():
+            if names := source.store.names():
                 return names
             raise ModelNotFound(NO_MODEL)
 
-        return self._answers.get("the models that there are", read)
+        return self._answers.get(f"the models that there are in {source.store.url}", read)
 
 
 def parse_viewpoint(text: str) -> clouds.Viewpoint:

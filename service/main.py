@@ -73,7 +73,8 @@ def _warm(application: Application) -> None:
         if ready.model is None:
             log.info("serving the models %s of %s", ", ".join(ready.models), application.store.url)
         else:
-            log.info("serving %s:%s of %s", ready.model, ready.version, application.store.url)
+            place = f"built in, as {application.store.url} holds no model" if ready.built_in else application.store.url
+            log.info("serving %s:%s (%s)", ready.model, ready.version, place)
             application.respond(CloudFile(CLOUD_XYZ.encode(), "xyz"), model=ready.model, version=ready.version)
     except ShapeConceptsError as error:
         log.warning("not ready: %s", error)

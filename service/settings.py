@@ -43,6 +43,9 @@ class Settings(BaseSettings):
         default_factory=default_jobs_url,
         description="database of the jobs: sqlite:///FILE or postgresql://USER:PASSWORD@HOST/DATABASE",
     )
+    built_in: bool = Field(
+        True, description="whether the model that comes with the service answers as long as the store holds none"
+    )
     model: str | None = Field(
         None,
         description="model that answers requests which name none: NAME, NAME@ALIAS or NAME:VERSION; by default the "

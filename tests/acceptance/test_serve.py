@@ -75,7 +75,7 @@ def test_it_answers_and_ends_cleanly_when_told(store: str, number: signal.Signal
 
 
 def test_a_model_published_meanwhile_is_served_without_a_restart(store: str, tmp_path: Path) -> None:
-    with serving(str(tmp_path / "store")) as (_, client):
+    with serving(str(tmp_path / "store"), built_in="false") as (_, client):
         assert client.get("/readyz").status_code == 503
         model, _ = ModelStore(store).load("tiny", 1)
         ModelStore(tmp_path / "store").publish(model, name="late", seed=7, source={})

@@ -17,14 +17,14 @@ from service.settings import Settings
 
 
 def test_a_ready_service_says_which_model_it_serves(client: httpx.Client) -> None:
-    assert client.get("/readyz").json() == {"model": "tiny", "version": 1, "models": ["tiny"]}
+    assert client.get("/readyz").json() == {"model": "tiny", "version": 1, "models": ["tiny"], "built_in": False}
     assert client.get("/healthz").json() == {"status": "ok"}
 
 
 class TestWithoutModel:
     @pytest.fixture
     def settings(self, settings: Settings, tmp_path: Path) -> Settings:
-        return settings.model_copy(update={"store": str(tmp_path / "nothing")})
+        return settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": False})
 
     def test_it_lives_but_is_not_ready(self, client: httpx.Client) -> None:
         assert client.get("/healthz").status_code == 200
