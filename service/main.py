@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
+import sys
 import threading
 from contextlib import AsyncExitStack
 
@@ -21,6 +22,9 @@ from service.transports.rest.examples import CLOUD_XYZ
 
 log = logging.getLogger(__name__)
 
+SWITCH = (
+    0.001  # seconds that a thread at work keeps the interpreter from the event loop, which does so little each time
+)
 GRACE = 30  # seconds that requests under way have when the service is told to end
 
 
@@ -32,6 +36,7 @@ def serve(settings: Settings) -> None:
         InvalidParameter: keys are needed and there are none, or a file for TLS is missing.
         SystemExit: an address cannot be listened on.
     """
+    sys.setswitchinterval(SWITCH)
     logs.set_up(settings.log_level, settings.log_format)
     check_tls(settings)
     application = Application(settings, Telemetry(traces.from_environment()))
