@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time as clock
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,18 +17,31 @@ from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
 from service.built_in import built_in
+from service.catalogue import (
+    AnnexationGraph,
+    Barcode,
+    ConceptList,
+    Tree,
+    list_concepts,
+    tell_annexations,
+    tell_barcode,
+    tell_tree,
+)
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
+from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
 from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.metrics import State
 from service.model_file import Manifest
+from service.naming import Naming
 from service.pool import Intake, Pool
+from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.settings import Settings
 from service.store import NO_MODEL, PRODUCTION, REFERENCE, ModelStore
-from service.telemetry import Telemetry
+from service.tabletop import cut_out, find_objects
+from service.telemetry import Stages, Telemetry
 
 LOOKING = 1.0  # seconds that are spent on looking up what aliases mean, for the metrics
 
@@ -73,14 +87,16 @@ class Readiness(BaseModel):
 
 
 class _Source(NamedTuple):
-    """Models that are read: a store, and what of it is in memory."""
+    """Models that are read: a store, what of it is in memory, and the names of its concepts."""
 
     store: ModelStore
     models: Models
+    naming: Naming
 
     @classmethod
-    def of(cls, store: ModelStore, limit: int) -> _Source:
-        return cls(store, Models(lambda name, version: store.load(name, version)[0], limit))
+    def of(cls, store: ModelStore, limit: int, answers: Answers, *, fixed: bool = False) -> _Source:
+        models = Models(lambda name, version: store.load(name, version)[0], limit)
+        return cls(store, models, Naming(store, models, answers, fixed=fixed))
 
 
 class _Meant(NamedTuple):
@@ -92,6 +108,9 @@ class _Meant(NamedTuple):
 
     def model(self) -> ShapeModel:
         return self.source.models.get(self.name, self.version)
+
+    def names(self) -> Mapping[int, str]:
+        return self.source.naming.names(self.name, self.version).of
 
 
 class Application:
@@ -109,14 +128,19 @@ class Application:
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
-        self._own = _Source.of(self.store, settings.loaded_models)
-        self._built_in = _Source.of(built_in(), 1) if settings.built_in else None
         self._answers = Answers()
+        self._own = _Source.of(self.store, settings.loaded_models, self._answers)
+        self._built_in = _Source.of(built_in(), 1, self._answers, fixed=True) if settings.built_in else None
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
         self._has_models = not settings.built_in  # whether the store is known to hold any
         self._aliases: dict[tuple[str, str], int] = {}
         self.telemetry.metrics.watch(self._state)
+
+    @property
+    def naming(self) -> Naming:
+        """The use cases on names of concepts."""
+        return self._source().naming
 
     def close(self) -> None:
         """Waits for the work under way."""
@@ -157,17 +181,67 @@ class Application:
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
         """
-        if top is not None and top < 1:
-            raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
+        _check_top(top)
         meant = self._meant(model, version, alias)
-        shape_model = meant.model()
+        shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             points = self._points(cloud)
             response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
-        answer = compose(response, (meant.name, meant.version), stages.timings_ms(), top=top, stimuli=stimuli)
+        which = (meant.name, meant.version)
+        answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
         self.telemetry.answered(answer)
         return answer
+
+    def respond_scene(
+        self,
+        scene: CloudFile | clouds.SceneCloud,
+        *,
+        model: str | None = None,
+        version: int | None = None,
+        alias: str | None = None,
+        time: float | None = None,
+        top: int | None = None,
+        stimuli: bool = False,
+        explain: bool = False,
+        segments: bool = False,
+        on_stage: OnStage = ignore_stage,
+    ) -> SceneAnswer:
+        """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
+
+        An object that cannot be answered is told with its error, and keeps no other from its answer. Arguments and
+        errors are those of `respond`, for each object; `segments` also says which object each point is part of.
+
+        Raises:
+            NoSupportingPlane: there is nothing that objects could stand on.
+        """
+        _check_top(top)
+        meant = self._meant(model, version, alias)
+        shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
+        with self.telemetry.answering(on_stage) as stages:
+            stages.begin("decode")
+            sent = self._scene(scene)
+            stages.begin("tabletop")
+            seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
+            answers: list[Answer | Refusal] = []
+            for one in seen.objects:
+                own = Stages(stages.begin)
+                try:
+                    response = shape_model.respond(
+                        cut_out(sent.cloud, one, seen.plane),
+                        time=time,
+                        explain=explain,
+                        segments=segments,
+                        on_stage=own.begin,
+                    )
+                except InvalidCloud as error:
+                    answers.append(refuse(error))
+                else:
+                    own.end()
+                    answer = compose(response, which, own.timings_ms(), top=top, stimuli=stimuli, names=names)
+                    self.telemetry.answered(answer)
+                    answers.append(answer)
+        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant.
@@ -207,16 +281,45 @@ class Application:
 
     def models(self) -> list[ModelSummary]:
         """All models with their versions and aliases: those of the store, or the built-in one if it holds none."""
+        return [self.model(name) for name in self._source().store.names()]
+
+    def model(self, name: str) -> ModelSummary:
+        """A model with its versions and aliases.
+
+        Raises:
+            ModelNotFound: there is no such model.
+        """
         source = self._source()
-        store, lent = source.store, source is self._built_in
-        return [
-            ModelSummary(name=name, versions=store.versions(name), aliases=store.aliases(name), built_in=lent)
-            for name in store.names()
-        ]
+        versions, aliases = source.store.require(name), source.store.aliases(name)
+        return ModelSummary(name=name, versions=versions, aliases=aliases, built_in=source is self._built_in)
 
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
-        return self._source().store.manifest(name, version)
+        store = self._source().store
+        return self._answers.get(
+            f"the manifest of {name}:{version} in {store.url}", lambda: store.manifest(name, version)
+        )
+
+    def concepts(self, name: str, version: int, time: float | None = None) -> ConceptList:
+        """The concepts of a version: those at a filtration time; None for those that answers compare clouds with.
+
+        Raises:
+            InvalidParameter: the time is not in [0, 1].
+        """
+        meant = _Meant(self._source(), name, version)
+        return list_concepts(meant.model(), (name, version), time, meant.names())
+
+    def barcode(self, name: str, version: int) -> Barcode:
+        """The bars of H_0 of a version's filtration."""
+        return tell_barcode(_Meant(self._source(), name, version).model(), (name, version))
+
+    def annexations(self, name: str, version: int) -> AnnexationGraph:
+        """The annexation graph F of a version."""
+        return tell_annexations(_Meant(self._source(), name, version).model(), (name, version))
+
+    def tree(self, name: str, version: int) -> Tree:
+        """The spanning tree of a version's topological space."""
+        return tell_tree(_Meant(self._source(), name, version).model(), (name, version))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
@@ -236,8 +339,13 @@ class Application:
         return thumbnails[number]
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
-        """All that each alias of a model has meant, oldest first."""
+        """All that each alias of a model has meant, oldest first.
+
+        Raises:
+            ModelNotFound: there is no such model.
+        """
         store = self._source().store
+        store.require(name)
         return {alias: store.alias_history(name, alias) for alias in store.aliases(name)}
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
@@ -251,9 +359,9 @@ class Application:
         self._answers.forget()
         return name, version
 
-    def rollback(self, name: str, alias: str = PRODUCTION) -> int:
-        """Lets an alias mean what it meant before; returns the version."""
-        version = self.store.rollback(name, alias)
+    def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
+        """Lets an alias mean what it meant before; returns the version. `leaving`: only if it means that one now."""
+        version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
 
@@ -274,12 +382,15 @@ class Application:
         return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
+        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud
+
+    def _scene(self, cloud: CloudFile | clouds.SceneCloud) -> clouds.SceneCloud:
         limit = self.settings.max_points
-        if isinstance(cloud, PointCloud):
-            if len(cloud.points) > limit:
-                raise TooManyPoints(f"The cloud has {len(cloud.points)} points; at most {limit} are taken.")
+        if isinstance(cloud, clouds.SceneCloud):
+            if len(cloud.cloud.points) > limit:
+                raise TooManyPoints(f"The cloud has {len(cloud.cloud.points)} points; at most {limit} are taken.")
             return cloud
-        return clouds.read(
+        return clouds.read_scene(
             cloud.data,
             cloud.format,
             name=cloud.name,
@@ -375,3 +486,8 @@ def parse_viewpoint(text: str) -> clouds.Viewpoint:
     except ValueError:
         raise InvalidParameter(f"The viewpoint is numbers, separated by commas; it was '{text[:100]}'.") from None
     return clouds.Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]) if turn else (1.0, 0.0, 0.0, 0.0))
+
+
+def _check_top(top: int | None) -> None:
+    if top is not None and top < 1:
+        raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")

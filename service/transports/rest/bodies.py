@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import NamedTuple
 
 from fastapi import Request
@@ -68,17 +69,33 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
     media_type = request.headers.get("content-type", "")
     form = media_type.partition(";")[0].strip().lower() == "multipart/form-data"
     format = None if form else by_media_type(media_type)
+    async with arriving(request, limits, take) as limited:
+        if form:
+            return await _from_form(limited)
+        return Received(await limited.body(), format)
+
+
+@asynccontextmanager
+async def arriving(request: Request, limits: Limits, take: Callable[[int], None]) -> AsyncIterator[Request]:
+    """Yields a request whose body can be read within limits.
+
+    Args:
+        request: of which nothing was read yet.
+        limits: on the body.
+        take: called with the number of bytes as they arrive; may raise `Overloaded`.
+
+    Raises:
+        Cancelled: the client hung up.
+        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+    """
     _check_announced(request, limits.max_bytes)
-    limited = Request(request.scope, _Limited(request, limits, take))
     try:
         async with asyncio.timeout(limits.timeout):
-            if form:
-                return await _from_form(limited)
-            return Received(await limited.body(), format)
+            yield Request(request.scope, _Limited(request, limits, take))
     except TimeoutError:
         raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
     except ClientDisconnect:
-        raise Cancelled("The client hung up before its cloud had arrived.") from None
+        raise Cancelled("The client hung up before its request had arrived.") from None
 
 
 async def _from_form(request: Request) -> Received:
