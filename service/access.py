@@ -14,6 +14,7 @@ from service.engine.errors import InvalidParameter, NotAllowed, NotAuthenticated
 from service.keys import AccessKey, authenticate
 from service.scopes import Scope
 from service.settings import Settings
+from service.telemetry import current
 
 NOBODY = "anonymous"
 
@@ -66,6 +67,8 @@ class Gate:
             yield ANYBODY
             return
         key = self._known(text, scope)
+        if (seen := current()) is not None:
+            seen.caller = key.id
         self._enter(key)
         try:
             yield Caller(key.id, key.name)

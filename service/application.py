@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time as clock
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from service import clouds
 from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
+from service.built_in import built_in
 from service.catalogue import (
     AnnexationGraph,
     Barcode,
@@ -26,18 +28,22 @@ from service.catalogue import (
     tell_tree,
 )
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, TooManyPoints
-from service.engine.model import OnStage, ignore_stage
+from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
+from service.engine.model import OnStage, ShapeModel, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
+from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.settings import Settings
-from service.store import NO_MODEL, PRODUCTION, ModelStore
+from service.store import NO_MODEL, PRODUCTION, REFERENCE, ModelStore
 from service.tabletop import cut_out, find_objects
+from service.telemetry import Stages, Telemetry
+
+LOOKING = 1.0  # seconds that are spent on looking up what aliases mean, for the metrics
 
 
 class CloudFile(NamedTuple):
@@ -63,11 +69,12 @@ class CloudFile(NamedTuple):
 
 
 class ModelSummary(BaseModel):
-    """A model of the store."""
+    """A model that can be asked."""
 
     name: str = Field(description="the model's name")
     versions: list[int] = Field(description="its versions, ascending")
     aliases: dict[str, int] = Field(description="what each alias means now")
+    built_in: bool = Field(False, description="whether it came with the service, as the store holds no model yet")
 
 
 class Readiness(BaseModel):
@@ -76,6 +83,34 @@ class Readiness(BaseModel):
     model: str | None = Field(description="model that answers requests which name none; null if they must")
     version: int | None = Field(description="its version")
     models: list[str] = Field(description="names of all models in the store")
+    built_in: bool = Field(False, description="whether it is the one that came with the service: the store holds none")
+
+
+class _Source(NamedTuple):
+    """Models that are read: a store, what of it is in memory, and the names of its concepts."""
+
+    store: ModelStore
+    models: Models
+    naming: Naming
+
+    @classmethod
+    def of(cls, store: ModelStore, limit: int, answers: Answers, *, fixed: bool = False) -> _Source:
+        models = Models(lambda name, version: store.load(name, version)[0], limit)
+        return cls(store, models, Naming(store, models, answers, fixed=fixed))
+
+
+class _Meant(NamedTuple):
+    """The version of a model that a request means."""
+
+    source: _Source
+    name: str
+    version: int
+
+    def model(self) -> ShapeModel:
+        return self.source.models.get(self.name, self.version)
+
+    def names(self) -> Mapping[int, str]:
+        return self.source.naming.names(self.name, self.version).of
 
 
 class Application:
@@ -83,25 +118,36 @@ class Application:
 
     Args:
         settings: where the models are, which one answers by default, and the limits.
+        telemetry: measures requests; None for one without traces.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, telemetry: Telemetry | None = None) -> None:
         self.settings = settings
+        self.telemetry = telemetry or Telemetry()
         self.store = ModelStore(settings.store)
-        self.pool = Pool(settings.workers, settings.queue)
+        self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
-        self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
-        self.naming = Naming(self.store, self._models, self._answers)
+        self._own = _Source.of(self.store, settings.loaded_models, self._answers)
+        self._built_in = _Source.of(built_in(), 1, self._answers, fixed=True) if settings.built_in else None
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
+        self._has_models = not settings.built_in  # whether the store is known to hold any
+        self._aliases: dict[tuple[str, str], int] = {}
+        self.telemetry.metrics.watch(self._state)
+
+    @property
+    def naming(self) -> Naming:
+        """The use cases on names of concepts."""
+        return self._source().naming
 
     def close(self) -> None:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
         self._jobs.close()
+        self.telemetry.close()
 
     def respond(
         self,
@@ -136,14 +182,16 @@ class Application:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
         """
         _check_top(top)
-        name, number = self.which(model, version, alias)
-        shape_model = self._models.get(name, number)
-        names = self.naming.names(name, number).of
-        timings = _Timings(on_stage)
-        timings.begin("decode")
-        points = self._points(cloud)
-        response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=timings.begin)
-        return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli, names=names)
+        meant = self._meant(model, version, alias)
+        shape_model, names = meant.model(), meant.names()
+        with self.telemetry.answering(on_stage) as stages:
+            stages.begin("decode")
+            points = self._points(cloud)
+            response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
+        which = (meant.name, meant.version)
+        answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
+        self.telemetry.answered(answer)
+        return answer
 
     def respond_scene(
         self,
@@ -168,30 +216,32 @@ class Application:
             NoSupportingPlane: there is nothing that objects could stand on.
         """
         _check_top(top)
-        name, number = self.which(model, version, alias)
-        shape_model = self._models.get(name, number)
-        names = self.naming.names(name, number).of
-        timings = _Timings(on_stage)
-        timings.begin("decode")
-        sent = self._scene(scene)
-        timings.begin("tabletop")
-        seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
-        answers: list[Answer | Refusal] = []
-        for one in seen.objects:
-            own = _Timings(timings.begin)
-            try:
-                response = shape_model.respond(
-                    cut_out(sent.cloud, one, seen.plane),
-                    time=time,
-                    explain=explain,
-                    segments=segments,
-                    on_stage=own.begin,
-                )
-            except InvalidCloud as error:
-                answers.append(refuse(error))
-            else:
-                answers.append(compose(response, (name, number), own.end(), top=top, stimuli=stimuli, names=names))
-        return compose_scene(sent, seen, answers, (name, number), timings.end(), points=segments)
+        meant = self._meant(model, version, alias)
+        shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
+        with self.telemetry.answering(on_stage) as stages:
+            stages.begin("decode")
+            sent = self._scene(scene)
+            stages.begin("tabletop")
+            seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
+            answers: list[Answer | Refusal] = []
+            for one in seen.objects:
+                own = Stages(stages.begin)
+                try:
+                    response = shape_model.respond(
+                        cut_out(sent.cloud, one, seen.plane),
+                        time=time,
+                        explain=explain,
+                        segments=segments,
+                        on_stage=own.begin,
+                    )
+                except InvalidCloud as error:
+                    answers.append(refuse(error))
+                else:
+                    own.end()
+                    answer = compose(response, which, own.timings_ms(), top=top, stimuli=stimuli, names=names)
+                    self.telemetry.answered(answer)
+                    answers.append(answer)
+        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant.
@@ -200,15 +250,8 @@ class Application:
             InvalidParameter: the three contradict each other, or several models could be meant.
             ModelNotFound: there is no such model.
         """
-        reference = model or self.settings.model or self._only_model()
-        if version is not None and alias is not None:
-            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
-        if version is None and alias is None:
-            return self._resolve(reference)
-        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
-        if qualifier and model:
-            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
-        return self._resolve(f"{name}:{version}" if alias is None else f"{name}@{alias}")
+        meant = self._meant(model, version, alias)
+        return meant.name, meant.version
 
     def prepare(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant, as `which`; it is in memory afterwards.
@@ -216,27 +259,29 @@ class Application:
         Raises:
             ModelDamaged, ModelIncompatible: the model cannot be used.
         """
-        name, number = self.which(model, version, alias)
-        self._models.get(name, number)
-        return name, number
+        meant = self._meant(model, version, alias)
+        meant.model()
+        return meant.name, meant.version
 
     def ready(self) -> Readiness:
         """Whether there is a model to answer with; loads the default one.
 
         Raises:
-            ModelNotFound: the store holds no model.
+            ModelNotFound: the store holds no model, and there is no built-in one.
             StoreUnavailable: it cannot be read, and could not be before.
             ModelDamaged, ModelIncompatible: the default model cannot be used.
         """
-        names = self._names()
+        source = self._source()
+        names = self._names(source)
         if self.settings.model is None and len(names) > 1:
             return Readiness(model=None, version=None, models=names)
-        name, version = self.prepare(None)
-        return Readiness(model=name, version=version, models=names)
+        meant = self._meant(None)
+        meant.model()
+        return Readiness(model=meant.name, version=meant.version, models=names, built_in=meant.source is self._built_in)
 
     def models(self) -> list[ModelSummary]:
-        """All models of the store with their versions and aliases."""
-        return [self.model(name) for name in self.store.names()]
+        """All models with their versions and aliases: those of the store, or the built-in one if it holds none."""
+        return [self.model(name) for name in self._source().store.names()]
 
     def model(self, name: str) -> ModelSummary:
         """A model with its versions and aliases.
@@ -244,11 +289,16 @@ class Application:
         Raises:
             ModelNotFound: there is no such model.
         """
-        return ModelSummary(name=name, versions=self.store.require(name), aliases=self.store.aliases(name))
+        source = self._source()
+        versions, aliases = source.store.require(name), source.store.aliases(name)
+        return ModelSummary(name=name, versions=versions, aliases=aliases, built_in=source is self._built_in)
 
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
-        return self._answers.get(f"the manifest of {name}:{version}", lambda: self.store.manifest(name, version))
+        store = self._source().store
+        return self._answers.get(
+            f"the manifest of {name}:{version} in {store.url}", lambda: store.manifest(name, version)
+        )
 
     def concepts(self, name: str, version: int, time: float | None = None) -> ConceptList:
         """The concepts of a version: those at a filtration time; None for those that answers compare clouds with.
@@ -256,20 +306,20 @@ class Application:
         Raises:
             InvalidParameter: the time is not in [0, 1].
         """
-        names = self.naming.names(name, version).of
-        return list_concepts(self._models.get(name, version), (name, version), time, names)
+        meant = _Meant(self._source(), name, version)
+        return list_concepts(meant.model(), (name, version), time, meant.names())
 
     def barcode(self, name: str, version: int) -> Barcode:
         """The bars of H_0 of a version's filtration."""
-        return tell_barcode(self._models.get(name, version), (name, version))
+        return tell_barcode(_Meant(self._source(), name, version).model(), (name, version))
 
     def annexations(self, name: str, version: int) -> AnnexationGraph:
         """The annexation graph F of a version."""
-        return tell_annexations(self._models.get(name, version), (name, version))
+        return tell_annexations(_Meant(self._source(), name, version).model(), (name, version))
 
     def tree(self, name: str, version: int) -> Tree:
         """The spanning tree of a version's topological space."""
-        return tell_tree(self._models.get(name, version), (name, version))
+        return tell_tree(_Meant(self._source(), name, version).model(), (name, version))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
@@ -281,7 +331,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._models.get(*self.which(name, version)).prototypes.thumbnails
+        thumbnails = self._meant(name, version).model().prototypes.thumbnails
         if not 0 <= number < len(thumbnails):
             raise InvalidParameter(
                 f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
@@ -294,12 +344,13 @@ class Application:
         Raises:
             ModelNotFound: there is no such model.
         """
-        self.store.require(name)
-        return {alias: self.store.alias_history(name, alias) for alias in self.store.aliases(name)}
+        store = self._source().store
+        store.require(name)
+        return {alias: store.alias_history(name, alias) for alias in store.aliases(name)}
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
         """Writes a version's files into a folder; returns them."""
-        return self.store.export(name, version, out_dir)
+        return self._source().store.export(name, version, out_dir)
 
     def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
         """Lets an alias mean the version that a reference names; returns its name and version."""
@@ -350,24 +401,73 @@ class Application:
             max_points=limit,
         )
 
-    def _only_model(self) -> str:
-        names = self._names()
+    def _meant(self, model: str | None, version: int | None = None, alias: str | None = None) -> _Meant:
+        """As `which`."""
+        source = self._source()
+        reference = model or self.settings.model or self._only_model(source)
+        if version is not None and alias is not None:
+            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
+        if version is None and alias is None:
+            return self._resolve(source, reference)
+        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
+        if qualifier and model:
+            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
+        return self._resolve(source, f"{name}:{version}" if alias is None else f"{name}@{alias}")
+
+    def _source(self) -> _Source:
+        """What is read: the store, or the built-in model until the store holds one."""
+        if self._built_in is None or self._has_models:
+            return self._own
+        # Believed like any other answer of the store, so that a request has models from one source alone.
+        if self._answers.get("whether there is a model", lambda: bool(self.store.names())):
+            self._has_models = True
+            return self._own
+        return self._built_in
+
+    def _only_model(self, source: _Source) -> str:
+        names = self._names(source)
         if len(names) == 1:
             return names[0]
         raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
 
-    def _resolve(self, reference: str) -> tuple[str, int]:
-        return self._answers.get(f"the model {reference}", lambda: self.store.resolve(reference))
+    def _resolve(self, source: _Source, reference: str) -> _Meant:
+        store = source.store
+        found = self._answers.get(f"the model {reference} in {store.url}", lambda: store.resolve(reference))
+        if (match := REFERENCE.fullmatch(reference)) and not match["version"]:
+            self._aliases[(found[0], match["alias"] or PRODUCTION)] = found[1]
+        return _Meant(source, *found)
 
-    def _names(self) -> list[str]:
+    def _state(self) -> State:
+        """How the service stands, for its metrics."""
+        source = self._own if self._has_models else self._built_in or self._own
+        until = clock.monotonic() + LOOKING
+        for name, alias in list(self._aliases):
+            if clock.monotonic() < until:  # a store that is away holds up nobody who wants to know how we are
+                try:
+                    self._resolve(source, f"{name}@{alias}")
+                except ModelNotFound:
+                    self._aliases.pop((name, alias), None)
+                except ShapeConceptsError:
+                    continue  # the version that was served last stays
+        return State(
+            at_work=self.pool.at_work,
+            waiting=self.pool.waiting,
+            places=self.pool.places,
+            held=self.intake.held,
+            limit=self.intake.limit,
+            loaded=source.models.loaded(),
+            serving=dict(self._aliases),
+        )
+
+    def _names(self, source: _Source) -> list[str]:
         """Names of all models; there is at least one."""
 
         def read() -> list[str]:
-            if names := self.store.names():
+            if names := source.store.names():
                 return names
             raise ModelNotFound(NO_MODEL)
 
-        return self._answers.get("the models that there are", read)
+        return self._answers.get(f"the models that there are in {source.store.url}", read)
 
 
 def parse_viewpoint(text: str) -> clouds.Viewpoint:
@@ -391,23 +491,3 @@ def parse_viewpoint(text: str) -> clouds.Viewpoint:
 def _check_top(top: int | None) -> None:
     if top is not None and top < 1:
         raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
-
-
-class _Timings:
-    """A clock that is told when a stage begins, and tells the caller."""
-
-    def __init__(self, on_stage: OnStage) -> None:
-        self._on_stage = on_stage
-        self._begun: list[tuple[str, float]] = []
-
-    def begin(self, stage: str) -> None:
-        self._on_stage(stage)
-        self._begun.append((stage, clock.perf_counter()))
-
-    def end(self) -> dict[str, float]:
-        """Milliseconds of each stage; a stage that began several times has their sum."""
-        ends = [start for _, start in self._begun[1:]] + [clock.perf_counter()]
-        spent: dict[str, float] = {}
-        for (stage, start), end in zip(self._begun, ends, strict=True):
-            spent[stage] = round(spent.get(stage, 0.0) + (end - start) * 1000, 3)
-        return spent

@@ -54,6 +54,11 @@ class Models:
             self._fill(key, loading)
         return loading.result()
 
+    def loaded(self) -> list[tuple[str, int]]:
+        """Names and versions of the models in memory."""
+        with self._lock:
+            return list(self._models)
+
     def _fill(self, key: tuple[str, int], loading: Future[ShapeModel]) -> None:
         try:
             model = self._load(*key)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
+import sys
 import threading
 from contextlib import AsyncExitStack
 
 import uvicorn
 
+from service import logs, traces
 from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
+from service.telemetry import Telemetry
 from service.transports.grpc.server import serving as serving_grpc
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
@@ -21,6 +24,9 @@ from service.transports.zenoh.server import serving as serving_zenoh
 
 log = logging.getLogger(__name__)
 
+SWITCH = (
+    0.001  # seconds that a thread at work keeps the interpreter from the event loop, which does so little each time
+)
 GRACE = 30  # seconds that requests under way have when the service is told to end
 
 
@@ -32,9 +38,10 @@ def serve(settings: Settings) -> None:
         InvalidParameter: keys are needed and there are none, or a file for TLS is missing.
         SystemExit: an address cannot be listened on.
     """
-    logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    sys.setswitchinterval(SWITCH)
+    logs.set_up(settings.log_level, settings.log_format)
     check_tls(settings)
-    application = Application(settings)
+    application = Application(settings, Telemetry(traces.from_environment()))
     if needs_keys(settings):
         check_keys(settings, application.valid_keys())
     threading.Thread(target=_warm, args=[application], name="warm", daemon=True).start()
@@ -55,7 +62,7 @@ async def _serve(application: Application, settings: Settings) -> None:
             host=settings.host,
             port=settings.port,
             log_config=None,
-            access_log=False,  # the interface logs each request itself, with its id
+            access_log=False,  # telemetry writes a line a request, for every transport
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE,
@@ -75,7 +82,8 @@ def _warm(application: Application) -> None:
         if ready.model is None:
             log.info("serving the models %s of %s", ", ".join(ready.models), application.store.url)
         else:
-            log.info("serving %s:%s of %s", ready.model, ready.version, application.store.url)
+            place = f"built in, as {application.store.url} holds no model" if ready.built_in else application.store.url
+            log.info("serving %s:%s (%s)", ready.model, ready.version, place)
             application.respond(CloudFile(CLOUD_XYZ.encode(), "xyz"), model=ready.model, version=ready.version)
     except ShapeConceptsError as error:
         log.warning("not ready: %s", error)

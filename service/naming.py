@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from service.answer import Answer
 from service.engine.concepts import is_concept
-from service.engine.errors import ConceptNotFound
+from service.engine.errors import ConceptNotFound, InvalidParameter
 from service.lately import Answers, Models
 from service.names import NO_NAMES, NameEntry, Names, check_concept_name
 from service.proposals import Proposal, propose
@@ -20,9 +20,11 @@ class Naming:
         store: that holds the models and the names.
         models: in memory.
         answers: of the store, that were read lately.
+        fixed: whether names can only be read, as the store is the built-in model's.
     """
 
-    def __init__(self, store: ModelStore, models: Models, answers: Answers) -> None:
+    def __init__(self, store: ModelStore, models: Models, answers: Answers, *, fixed: bool = False) -> None:
+        self._fixed = fixed
         self._store = store
         self._models = models
         self._answers = answers
@@ -36,7 +38,7 @@ class Naming:
             names = self._read[name, version] = self._store.concept_names(name, version).read(known)
             return names
 
-        return self._answers.get(f"the names of {name}:{version}", read)
+        return self._answers.get(f"the names of {name}:{version} in {self._store.url}", read)
 
     def history(self, name: str, version: int, concept: int) -> list[NameEntry]:
         """All that a concept was called, oldest first.
@@ -77,6 +79,11 @@ class Naming:
         return proposals
 
     def _change(self, name: str, version: int, changed: dict[int, str | None]) -> None:
+        if self._fixed:
+            raise InvalidParameter(
+                f"{name}:{version} came with the service, and its concepts cannot be named: train and publish a model "
+                "of your own, with shape-concepts-worker train --simulate 250 --name default"
+            )
         self._store.concept_names(name, version).change(changed)
         self._answers.forget()
 

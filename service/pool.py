@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time as clock
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from typing import ParamSpec, TypeVar
 
 from service.engine.errors import Cancelled, Overloaded
@@ -30,6 +32,11 @@ class Intake:
         self.limit = limit
         self._held = 0
         self._lock = threading.Lock()
+
+    @property
+    def held(self) -> int:
+        """Bytes of all requests now."""
+        return self._held
 
     @contextmanager
     def opened(self) -> Iterator[Callable[[int], None]]:
@@ -67,14 +74,27 @@ class Pool:
     Args:
         workers: threads.
         queue: how many more than those may be admitted.
+        waited: is told how long each piece of work waited for a thread, seconds.
     """
 
-    def __init__(self, workers: int, queue: int) -> None:
+    def __init__(self, workers: int, queue: int, waited: Callable[[float], None] = lambda seconds: None) -> None:
         self.places = workers + queue
+        self._waited = waited
+        self._working = 0
         self._workers = workers
         self._admitted = 0
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="respond")
+
+    @property
+    def at_work(self) -> int:
+        """Pieces of work that threads are at."""
+        return self._working
+
+    @property
+    def waiting(self) -> int:
+        """Those admitted whose work has not begun."""
+        return max(0, self._admitted - self._working)
 
     @contextmanager
     def admitted(self) -> Iterator[None]:
@@ -91,8 +111,20 @@ class Pool:
             self._give_back()
 
     async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """The result of work done on one of the threads. The caller has been admitted."""
-        return await asyncio.wrap_future(self._threads.submit(work, *args, **kwargs))
+        """The result of work done on one of the threads, in the caller's context. The caller has been admitted."""
+        context, came = copy_context(), clock.perf_counter()
+
+        def begin() -> T:
+            self._waited(clock.perf_counter() - came)
+            with self._lock:
+                self._working += 1
+            try:
+                return context.run(work, *args, **kwargs)
+            finally:
+                with self._lock:
+                    self._working -= 1
+
+        return await asyncio.wrap_future(self._threads.submit(begin))
 
     async def run_each(
         self, work: Callable[[S], T], items: Sequence[S], abandoned: Callable[[], Awaitable[bool]]

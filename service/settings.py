@@ -52,6 +52,9 @@ class Settings(BaseSettings):
         default_factory=default_jobs_url,
         description="database of the jobs: sqlite:///FILE or postgresql://USER:PASSWORD@HOST/DATABASE",
     )
+    built_in: bool = Field(
+        True, description="whether the model that comes with the service answers as long as the store holds none"
+    )
     model: str | None = Field(
         None,
         description="model that answers requests which name none: NAME, NAME@ALIAS or NAME:VERSION; by default the "
@@ -108,5 +111,8 @@ class Settings(BaseSettings):
     zenoh_key: Path | None = Field(None, description="private key (PEM) of the certificate")
     streams: tuple[Stream, ...] = Field(
         (), description='clouds that are answered as zenoh brings them, JSON: [{"key": "robots/*/cloud"}]'
+    )
+    log_format: Literal["text", "json"] = Field(
+        "text", description="form of the log's lines: 'text' for people, 'json': one JSON object a line, for programs"
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

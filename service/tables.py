@@ -208,7 +208,8 @@ def show_models(models: list[ModelSummary]) -> None:
         table.add_column(heading)
     for model in models:
         aliases = ", ".join(f"{alias} = {version}" for alias, version in model.aliases.items())
-        table.add_row(model.name, ", ".join(map(str, model.versions)), aliases or "-")
+        name = f"{model.name} (built in)" if model.built_in else model.name
+        table.add_row(name, ", ".join(map(str, model.versions)), aliases or "-")
     Console().print(table)
 
 

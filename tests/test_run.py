@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
-VERBS = ("demo", "serve", "worker", "test", "bench", "setup")
+VERBS = ("demo", "serve", "worker", "test", "bench", "default-model", "setup")
 EXTRAS = ("worker", "dev")
 
 

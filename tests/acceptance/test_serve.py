@@ -22,6 +22,7 @@ from service.keys import KeyStore
 from service.store import ModelStore
 from service.transports.rest.examples import CLOUD_XYZ
 from tests.certificates import make_certificate
+from tests.service.test_traces import collecting
 from worker.learning.train import NamedCloud, train
 from worker.simulation import simulate
 
@@ -74,8 +75,25 @@ def test_it_answers_and_ends_cleanly_when_told(store: str, number: signal.Signal
         assert b"Traceback" not in process.stderr.read()
 
 
+def test_programs_can_read_the_log_and_spans_reach_their_collector(store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with collecting() as collector:
+        monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", collector.endpoint)
+        with serving(store, log_format="json") as (process, client):
+            request_id = client.post("/v1/responses", content=CLOUD_XYZ).headers["x-request-id"]
+            client.close()
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20) == 0
+            assert process.stderr is not None
+            lines = [json.loads(line) for line in process.stderr.read().splitlines()]
+        assert all({"time", "level", "logger", "message"} <= set(line) for line in lines)
+        (told,) = [line for line in lines if line.get("request_id") == request_id]
+        assert (told["outcome"], told["model"]) == ("ok", "tiny:1")
+        (span,) = [span for span in collector.spans() if span.name == "POST /v1/responses"]
+        assert span.trace_id.hex() == told["trace_id"]
+
+
 def test_a_model_published_meanwhile_is_served_without_a_restart(store: str, tmp_path: Path) -> None:
-    with serving(str(tmp_path / "store")) as (_, client):
+    with serving(str(tmp_path / "store"), built_in="false") as (_, client):
         assert client.get("/readyz").status_code == 503
         model, _ = ModelStore(store).load("tiny", 1)
         ModelStore(tmp_path / "store").publish(model, name="late", seed=7, source={})

@@ -177,7 +177,7 @@ def test_a_promotion_and_a_rollback_take_effect_at_once(application: Application
 
 
 def test_a_store_without_models_is_not_ready(settings: Settings, tmp_path: Path) -> None:
-    application = Application(settings.model_copy(update={"store": str(tmp_path / "nothing")}))
+    application = Application(settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": False}))
     with pytest.raises(ModelNotFound, match="no model yet"):
         application.ready()
     with pytest.raises(ModelNotFound, match="train"):

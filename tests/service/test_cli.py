@@ -136,7 +136,10 @@ def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
         (["--store", "ftp://x"], "store-unavailable"),
     ],
 )
-def test_without_a_model_each_cloud_has_its_line_of_json(folder: Path, arguments: list[str], kind: str) -> None:
+def test_without_a_model_each_cloud_has_its_line_of_json(
+    folder: Path, arguments: list[str], kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_BUILT_IN", "false")
     result = run("respond", "--json", "good.ply", "bad.ply", *arguments)
     assert result.exit_code == 1
     first, second = lines(result)
@@ -243,7 +246,7 @@ def test_models_can_be_listed_shown_promoted_and_rolled_back(
 ) -> None:
     store.publish(model, name="tiny", seed=7, source={}, alias=None)
     assert lines(run("models", "list", "--json")) == [
-        {"models": [{"name": "tiny", "versions": [1, 2], "aliases": {"production": 1}}]}
+        {"models": [{"name": "tiny", "versions": [1, 2], "aliases": {"production": 1}, "built_in": False}]}
     ]
     assert lines(run("models", "promote", "tiny:2", "--json")) == [
         {"model": "tiny", "version": 2, "alias": "production"}

@@ -20,6 +20,7 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
     given = {
         "store": "s3://models/x",
         "jobs_url": "postgresql://worker@database/jobs",
+        "built_in": "False",
         "model": "mugs@staging",
         "host": "0.0.0.0",
         "port": "9000",
@@ -37,6 +38,7 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
         "max_points": "1000",
         "max_objects": "7",
         "loaded_models": "2",
+        "log_format": "json",
         "log_level": "error",
         "zenoh_mode": "router",
         "zenoh_config": "zenoh.json5",

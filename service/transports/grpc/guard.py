@@ -17,6 +17,7 @@ from google.protobuf.message import DecodeError
 from service.access import Gate
 from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
 from service.scopes import Scope
+from service.telemetry import Telemetry
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
@@ -57,12 +58,14 @@ class Guard(grpc.aio.ServerInterceptor):
 
     Args:
         gate: lets callers in by their access keys.
+        telemetry: measures every call.
         calls: how many may be open at a time.
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
     """
 
-    def __init__(self, gate: Gate, calls: int, timeout: float) -> None:
+    def __init__(self, gate: Gate, telemetry: Telemetry, calls: int, timeout: float) -> None:
         self._gate = gate
+        self._telemetry = telemetry
         self._limit = calls
         self._timeout = timeout
         self._open = 0
@@ -98,16 +101,19 @@ class Guard(grpc.aio.ServerInterceptor):
         request_id = str(uuid.uuid4())
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
-        try:
-            with self._entered():
-                async with self._let_in(_key_of(context)):  # before anything of a message is received
-                    await self._behave(handler, context)
-        except Exception as error:
-            problem = _tell(error, request_id)
-            _log(problem, error, f"{request_id} {method}")
-            status = messages.to_status(*problem, request_id)
-            trailing = ((REQUEST_ID, request_id), (DETAILS, status.SerializeToString()))
-            await context.abort(messages.code_of(problem.status), status.message, trailing)
+        carrier = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
+        with self._telemetry.request("grpc", request_id, method, carrier) as seen:
+            try:
+                with self._entered():
+                    async with self._let_in(_key_of(context)):  # before anything of a message is received
+                        await self._behave(handler, context)
+            except Exception as error:
+                seen.failed(error.kind if isinstance(error, Refusal) else error)
+                problem = _tell(error, request_id)
+                _log(problem, error, f"{request_id} {method}")
+                status = messages.to_status(*problem, request_id)
+                trailing = ((REQUEST_ID, request_id), (DETAILS, status.SerializeToString()))
+                await context.abort(messages.code_of(problem.status), status.message, trailing)
 
     @contextmanager
     def _entered(self) -> Iterator[None]:

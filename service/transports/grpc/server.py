@@ -48,7 +48,7 @@ async def serving(application: Application, grace: float) -> AsyncIterator[int |
     if settings.grpc_port < 0:
         yield None
         return
-    guard = Guard(application.access, CALLS, settings.body_timeout)
+    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout)
     server = grpc.aio.server(
         interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
     )

@@ -8,7 +8,7 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import access, batches, health, models, names, problems, responses
+from service.transports.rest import access, batches, health, models, names, observing, problems, responses
 from service.transports.rest.encodings import Decoding
 
 WORTHWHILE = 4096  # bytes of the smallest answer that is compressed for those who accept it
@@ -26,8 +26,10 @@ def create_app(application: Application) -> FastAPI:
     )
     app.add_middleware(Decoding)
     app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
+    app.add_middleware(observing.Observing, application=application)
     problems.install(app)
     app.include_router(health.router(application))
+    app.include_router(observing.router(application), dependencies=[access.needing(application, "manage")])
     for module, entering in (
         (responses, access.needing(application, "answer")),
         (batches, access.needing(application, "answer")),

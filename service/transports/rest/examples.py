@@ -228,10 +228,10 @@ EXPLANATION: dict[str, Any] = {
 }
 
 MODELS: dict[str, Any] = {
-    "models": [{"name": "default", "versions": [1, 2], "aliases": {"production": 1, "staging": 2}}],
+    "models": [{"name": "default", "versions": [1, 2], "aliases": {"production": 1, "staging": 2}, "built_in": False}],
 }
 
-READINESS: dict[str, Any] = {"model": "default", "version": 1, "models": ["default"]}
+READINESS: dict[str, Any] = {"model": "default", "version": 1, "models": ["default"], "built_in": False}
 
 MANIFEST: dict[str, Any] = {
     "name": "default",

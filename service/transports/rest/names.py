@@ -98,7 +98,6 @@ def router(application: Application) -> APIRouter:
     routes = APIRouter(prefix="/v1/models", tags=["names"], dependencies=[Depends(known_only)])
     settings = application.settings
     limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
-    naming = application.naming
 
     @routes.get(
         "/{model}/names",
@@ -109,7 +108,10 @@ def router(application: Application) -> APIRouter:
     def names(model: Reference, if_none_match: IfNoneMatch = None) -> Response:
         """The names of the concepts of one version; another version has concepts of its own."""
         name, version = application.which(model)
-        named = [NamedConcept(concept=id, name=called) for id, called in sorted(naming.names(name, version).of.items())]
+        named = [
+            NamedConcept(concept=id, name=called)
+            for id, called in sorted(application.naming.names(name, version).of.items())
+        ]
         return tagged_by_content(NameList(model=name, version=version, names=named), if_none_match)
 
     @routes.get(
@@ -121,7 +123,7 @@ def router(application: Application) -> APIRouter:
     def history(model: Reference, concept: ConceptId, if_none_match: IfNoneMatch = None) -> Response:
         """Its name, and the names that it had."""
         name, version = application.which(model)
-        changes = [NameChange(**entry._asdict()) for entry in naming.history(name, version, concept)]
+        changes = [NameChange(**entry._asdict()) for entry in application.naming.history(name, version, concept)]
         called = changes[-1].name if changes else None
         told = NameHistory(model=name, version=version, concept=concept, name=called, history=changes)
         return tagged_by_content(told, if_none_match)
@@ -182,7 +184,7 @@ def router(application: Application) -> APIRouter:
                 items: list[Item] = await application.pool.run_each(attempt, uploads, request.is_disconnected)
         told = list(zip(labels, items, strict=True))
         answers = [(label, item.answer) for label, item in told if item.answer]
-        proposals = await run_in_threadpool(naming.propose, name, version, answers, apply=apply)
+        proposals = await run_in_threadpool(application.naming.propose, name, version, answers, apply=apply)
         return Proposals(
             model=name,
             version=version,

@@ -21,6 +21,7 @@ from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
+from service.telemetry import current
 from service.transports import errors
 from service.transports.rest import examples
 
@@ -146,7 +147,7 @@ class _Guard:
             await _answer(document, {})(scope, receive, send_named)
         finally:
             took = (time.perf_counter() - began) * 1000
-            log.info("%s %s %s: %s in %.1f ms", request_id, scope["method"], _quoted(scope["path"]), status, took)
+            log.debug("%s %s %s: %s in %.1f ms", request_id, scope["method"], _quoted(scope["path"]), status, took)
 
 
 def _quoted(path: str) -> str:
@@ -158,6 +159,7 @@ async def _ours(request: Request, error: Exception) -> Response:
     assert isinstance(error, ShapeConceptsError)
     status = errors.status_of(error)
     document = errors.problem_of(error, request.state.id)
+    _note(error)
     if status.http >= 500:
         log.error("%s %s: %s: %s", request.state.id, _quoted(request.url.path), error.type_name(), error)
     elif isinstance(error, Cancelled):
@@ -172,6 +174,7 @@ async def _http(request: Request, error: Exception) -> Response:
     refusal = REFUSALS.get(
         error.status_code, Refusal(f"http-{error.status_code}", "The request was refused", "{detail}")
     )
+    _note(refusal.name)
     detail = refusal.detail.format(path=request.url.path, method=request.method, detail=error.detail)
     document = errors.problem(refusal.name, refusal.title, error.status_code, detail, request.state.id)
     headers = dict(error.headers or {})
@@ -192,6 +195,12 @@ async def _validation(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     said = [f"{'.'.join(map(str, fault['loc'][1:]))}: {fault['msg']}" for fault in error.errors()]
     return await _ours(request, InvalidParameter("; ".join(said) + "."))
+
+
+def _note(failure: ShapeConceptsError | str) -> None:
+    """Tells the telemetry why the request fails: it sees no error that is answered."""
+    if (seen := current()) is not None:
+        seen.failed(failure)
 
 
 def _answer(document: dict[str, Any], headers: dict[str, str]) -> JSONResponse:

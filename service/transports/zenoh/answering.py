@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging
 import time as clock
+import uuid
 from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Any, NamedTuple
@@ -169,11 +170,13 @@ class Answering:
 
     async def _answer(self, taken: Taken[Sent]) -> None:
         source = taken.item.source
-        try:
-            document, source = await self._application.pool.run(self._respond, taken.item)
-            encoding = JSON
-        except Exception as error:
-            document, encoding = problem_of(error, source.key), MEDIA_TYPE
+        with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
+            try:
+                document, source = await self._application.pool.run(self._respond, taken.item)
+                encoding = JSON
+            except Exception as error:
+                seen.failed(error)
+                document, encoding = problem_of(error, source.key, seen.request_id), MEDIA_TYPE
         document |= {"source": source.told(), "dropped": taken.dropped}
         self._tell_drops(source.key, taken.dropped)
         try:
@@ -204,6 +207,7 @@ class Answering:
     def _tell_drops(self, key: str, dropped: int) -> None:
         """Logs drops, not more often than every few seconds."""
         if dropped:
+            self._application.telemetry.dropped("zenoh", dropped)
             self._dropped[key] = self._dropped.get(key, 0) + dropped
         if self._dropped and clock.monotonic() - self._logged > LOGGED:
             told = ", ".join(f"{count} of {name}" for name, count in list(self._dropped.items())[:20])

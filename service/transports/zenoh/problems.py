@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import uuid
 from typing import Any
 
 from service.engine.errors import Cancelled, ShapeConceptsError
@@ -16,17 +15,17 @@ class PayloadTooLarge(Exception):
     """A payload is larger than the service takes."""
 
 
-def problem_of(error: BaseException, place: str) -> dict[str, Any]:
+def problem_of(error: BaseException, place: str, occurrence: str) -> dict[str, Any]:
     """The problem document of whatever went wrong; what is our fault is logged as well.
 
     Args:
         error: one of ours, or something unexpected.
         place: the key on which it happened.
+        occurrence: names it, a UUID.
 
     Returns:
         The document that the other transports give, and `retry_after`, seconds, where trying again may help.
     """
-    occurrence = str(uuid.uuid4())
     if isinstance(error, PayloadTooLarge):
         return errors.problem("content-too-large", "The body is too large", 413, str(error), occurrence)
     if not isinstance(error, ShapeConceptsError):

@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import re
+import uuid
 from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Any
@@ -72,18 +73,21 @@ class Queries:
             work = asyncio.run_coroutine_threadsafe(self._answer(query, held), self._loop)
         except BaseException as error:
             held.close()
-            _refuse(query, error)
+            with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "respond") as seen:
+                seen.failed(error)
+                _refuse(query, error, seen.request_id)
             return
         self._under_way.add(work)
         work.add_done_callback(self._under_way.discard)
 
     async def _answer(self, query: zenoh.Query, held: ExitStack) -> None:
         """Answers a query that was admitted."""
-        with held:
+        with held, self._application.telemetry.request("zenoh", str(uuid.uuid4()), "respond") as seen:
             try:
                 answer = await self._application.pool.run(self._respond, query)
             except BaseException as error:
-                await asyncio.to_thread(_refuse, query, error)
+                seen.failed(error)
+                await asyncio.to_thread(_refuse, query, error, seen.request_id)
                 if not isinstance(error, Exception):
                     raise
             else:
@@ -129,9 +133,9 @@ def _reply(query: zenoh.Query, answer: str) -> None:
             log.warning("an answer could not be sent: %s", error)
 
 
-def _refuse(query: zenoh.Query, error: BaseException) -> None:
+def _refuse(query: zenoh.Query, error: BaseException, request_id: str) -> None:
     with query:
         try:
-            query.reply_err(json.dumps(problem_of(error, str(query.key_expr))), encoding=MEDIA_TYPE)
+            query.reply_err(json.dumps(problem_of(error, str(query.key_expr), request_id)), encoding=MEDIA_TYPE)
         except zenoh.ZError as failure:
             log.warning("an error could not be told: %s", failure)

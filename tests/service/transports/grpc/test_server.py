@@ -50,7 +50,7 @@ def test_a_server_with_a_model_is_healthy(channel: grpc.Channel) -> None:
 def test_a_server_is_healthy_as_soon_as_there_is_a_model(
     start: Callable[..., Server], settings: Settings, tmp_path: Path, model: ShapeModel
 ) -> None:
-    application = Application(settings.model_copy(update={"store": str(tmp_path / "later")}))
+    application = Application(settings.model_copy(update={"store": str(tmp_path / "later"), "built_in": False}))
     with grpc.insecure_channel(start(application).address) as channel:
         watched = HealthStub(channel).Watch(HealthCheckRequest(service=SERVICE))
         assert next(watched).status == NOT_SERVING

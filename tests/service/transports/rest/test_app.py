@@ -19,14 +19,14 @@ from service.settings import Settings
 
 
 def test_a_ready_service_says_which_model_it_serves(client: httpx.Client) -> None:
-    assert client.get("/readyz").json() == {"model": "tiny", "version": 1, "models": ["tiny"]}
+    assert client.get("/readyz").json() == {"model": "tiny", "version": 1, "models": ["tiny"], "built_in": False}
     assert client.get("/healthz").json() == {"status": "ok"}
 
 
 class TestWithoutModel:
     @pytest.fixture
     def settings(self, settings: Settings, tmp_path: Path) -> Settings:
-        return settings.model_copy(update={"store": str(tmp_path / "nothing")})
+        return settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": False})
 
     def test_it_lives_but_is_not_ready(self, client: httpx.Client) -> None:
         assert client.get("/healthz").status_code == 200
@@ -222,7 +222,7 @@ class TestRequestIds:
     def test_the_clients_own_is_in_the_answer_the_problem_and_the_log(
         self, client: httpx.Client, caplog: pytest.LogCaptureFixture, given: str
     ) -> None:
-        with caplog.at_level(logging.INFO):
+        with caplog.at_level(logging.DEBUG):
             response = client.post("/v1/responses", content=b"", headers={"x-request-id": given})
         assert response.headers["x-request-id"] == given
         assert response.json()["instance"].endswith(f":{given}")
@@ -236,7 +236,7 @@ class TestRequestIds:
         assert re.fullmatch(r"[0-9a-f-]{36}", made)
 
     def test_a_path_begins_no_line_of_the_log(self, client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
-        with caplog.at_level(logging.INFO):
+        with caplog.at_level(logging.DEBUG):
             client.get("/v1/%0aroot%20logged%20in")
         assert "\n" not in logged(caplog, "root")[0]
 

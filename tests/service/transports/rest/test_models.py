@@ -21,7 +21,7 @@ def test_models_are_listed_with_versions_and_aliases(
 ) -> None:
     application.store.publish(model, name="tiny", seed=7, source={}, alias="staging")
     assert client.get("/v1/models").json() == {
-        "models": [{"name": "tiny", "versions": [1, 2], "aliases": {"production": 1, "staging": 2}}]
+        "models": [{"name": "tiny", "versions": [1, 2], "aliases": {"production": 1, "staging": 2}, "built_in": False}]
     }
 
 

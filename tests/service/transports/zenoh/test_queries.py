@@ -22,6 +22,7 @@ from tests.service.clouds.written import npy, pointcloud2
 from tests.service.tabletop.seen import set_table
 from tests.service.transports.rest.test_responses import REFUSED, answer_of, as_xyz
 from tests.service.transports.zenoh.conftest import Served, replicas, running
+from tests.service.transports.zenoh.waiting import until
 
 Asked = tuple[bool, str, dict[str, Any]]
 
@@ -92,6 +93,16 @@ def test_a_depth_image_is_answered_as_over_http(
     good, _, answer = ask(robot, selector, npy(depth))
     assert good, answer
     assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+
+
+def test_queries_are_measured_by_their_outcomes(
+    replica: Application, robot: zenoh.Session, clouds: list[PointCloud]
+) -> None:
+    ask(robot, "tiny/respond", write_ply(clouds[0]))
+    ask(robot, "tiny/respond", b"1 2 3\n")
+    for outcome in ("ok", "too-few-points"):
+        counted = f'requests_total{{operation="respond",outcome="{outcome}",wire="zenoh"}} 1.0'
+        until(lambda counted=counted: counted in replica.telemetry.metrics.page()[0].decode(), outcome)  # type: ignore[misc]
 
 
 def test_a_scene_is_answered_as_over_http(replica: Application, client: httpx.Client, robot: zenoh.Session) -> None:

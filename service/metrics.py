@@ -1,0 +1,128 @@
+"""What is counted and timed, for Prometheus. Labels are words of ours and names in the store, never a client's text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.exposition import choose_encoder
+from prometheus_client.registry import Collector
+
+from service import __version__
+
+SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)
+SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
+PREFIX = "shape_concepts"
+
+
+class State(NamedTuple):
+    """How the service stands at a moment.
+
+    Attributes:
+        at_work: requests whose clouds are being answered.
+        waiting: requests that wait for a worker.
+        places: how many requests may be at work and waiting.
+        held: bytes of all requests in memory.
+        limit: how many bytes there may be.
+        loaded: names and versions of the models in memory.
+        serving: the version that each model and alias means here now.
+    """
+
+    at_work: int
+    waiting: int
+    places: int
+    held: int
+    limit: int
+    loaded: Sequence[tuple[str, int]]
+    serving: Mapping[tuple[str, str], int]
+
+
+class Metrics:
+    """The metrics of one service; each has its own, however many are in one process."""
+
+    def __init__(self) -> None:
+        registry = self.registry = CollectorRegistry()
+        self.requests = Counter(
+            f"{PREFIX}_requests",
+            "Requests that ended, by outcome: ok, or the name of the error",
+            ("wire", "operation", "outcome"),
+            registry=registry,
+        )
+        self.durations = Histogram(
+            f"{PREFIX}_request_seconds",
+            "From a request's arrival to its end",
+            ("wire", "operation"),
+            buckets=SECONDS,
+            registry=registry,
+        )
+        self.under_way = Gauge(
+            f"{PREFIX}_requests_under_way", "Requests that have not ended", ("wire",), registry=registry
+        )
+        self.stages = Histogram(
+            f"{PREFIX}_stage_seconds",
+            "Stages of answers, as in their timings_ms",
+            ("wire", "stage"),
+            buckets=SECONDS,
+            registry=registry,
+        )
+        self.waits = Histogram(
+            f"{PREFIX}_wait_seconds", "From a request's admission to its work", buckets=SECONDS, registry=registry
+        )
+        self.novelty = Histogram(
+            f"{PREFIX}_novelty", "Novelty of answered clouds, 0 to 1", buckets=SHARES, registry=registry
+        )
+        self.drops = Counter(
+            f"{PREFIX}_dropped", "Clouds of streams that newer ones have overtaken", ("wire",), registry=registry
+        )
+        info = Gauge(f"{PREFIX}_info", "1; says which version of the software this is", ("version",), registry=registry)
+        info.labels(__version__).set(1)
+        ProcessCollector(registry=registry)
+
+    def watch(self, state: Callable[[], State]) -> None:
+        """Has the state of the service read whenever metrics are asked for."""
+        self.registry.register(_Levels(state))
+
+    def page(self, accept: str = "") -> tuple[bytes, str]:
+        """All metrics, and their media type.
+
+        Args:
+            accept: the media types that the client would take, as HTTP's header of that name says.
+        """
+        encode, media_type = choose_encoder(accept)
+        return encode(self.registry), media_type
+
+
+class _Levels(Collector):
+    """What is looked up at the moment of asking."""
+
+    def __init__(self, state: Callable[[], State]) -> None:
+        self._state = state
+
+    def describe(self) -> list[Metric]:
+        return []  # otherwise registering would look it all up
+
+    def collect(self) -> Iterator[Metric]:
+        state = self._state()
+        levels = {
+            "queue_at_work": ("Requests whose clouds are being answered", state.at_work),
+            "queue_waiting": ("Requests that wait for a worker", state.waiting),
+            "queue_places": ("Requests that may be at work and waiting", state.places),
+            "intake_bytes": ("Bytes of all requests in memory", state.held),
+            "intake_limit_bytes": ("Bytes of requests that there may be in memory", state.limit),
+        }
+        for name, (told, value) in levels.items():
+            yield GaugeMetricFamily(f"{PREFIX}_{name}", told, value)
+        loaded = GaugeMetricFamily(
+            f"{PREFIX}_model_loaded", "1 for each version of a model in memory", labels=("model", "version")
+        )
+        for name, version in state.loaded:
+            loaded.add_metric((name, str(version)), 1)
+        yield loaded
+        serving = GaugeMetricFamily(
+            f"{PREFIX}_model_version", "Version that an alias of a model means now", labels=("model", "alias")
+        )
+        for (name, alias), version in state.serving.items():
+            serving.add_metric((name, alias), version)
+        yield serving
