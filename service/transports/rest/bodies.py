@@ -1,37 +1,21 @@
-"""The cloud in the body of a request: as the body itself, or as a part of a form. Never more than the limit is read."""
+"""The cloud in the body of a request: as the body itself, or as a part of a form."""
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from typing import NamedTuple
 
 from fastapi import Request
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect
-from starlette.types import Message
 
 from service.clouds import by_media_type
 from service.clouds.claims import quote
-from service.engine.errors import Cancelled, UnreadableCloud
+from service.engine.errors import UnreadableCloud
+from service.transports.arriving import Limits, arriving
 
 FIELD = "cloud"
 MASK = "mask"
-
-
-class Limits(NamedTuple):
-    """What a body may be.
-
-    Attributes:
-        max_bytes: size of the whole; enforced while it arrives.
-        timeout: longest time it may take to arrive, seconds.
-        pause: longest time in which nothing of it arrives, seconds.
-    """
-
-    max_bytes: int
-    timeout: float
-    pause: float
 
 
 class Received(NamedTuple):
@@ -68,17 +52,10 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
     media_type = request.headers.get("content-type", "")
     form = media_type.partition(";")[0].strip().lower() == "multipart/form-data"
     format = None if form else by_media_type(media_type)
-    _check_announced(request, limits.max_bytes)
-    limited = Request(request.scope, _Limited(request, limits, take))
-    try:
-        async with asyncio.timeout(limits.timeout):
-            if form:
-                return await _from_form(limited)
-            return Received(await limited.body(), format)
-    except TimeoutError:
-        raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
-    except ClientDisconnect:
-        raise Cancelled("The client hung up before its cloud had arrived.") from None
+    async with arriving(request, limits, take) as limited:
+        if form:
+            return await _from_form(limited)
+        return Received(await limited.body(), format)
 
 
 async def _from_form(request: Request) -> Received:
@@ -100,39 +77,3 @@ async def _from_form(request: Request) -> Received:
         if error.status_code != 400:
             raise
         raise UnreadableCloud(f"The form cannot be read: {error.detail}") from error
-
-
-def _check_announced(request: Request, max_bytes: int) -> None:
-    announced = request.headers.get("content-length", "")
-    if announced.isdecimal() and int(announced) > max_bytes:
-        raise _too_large(max_bytes)
-
-
-def _too_large(max_bytes: int) -> HTTPException:
-    return HTTPException(
-        413, f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
-    )
-
-
-class _Limited:
-    """Receives the body of a request until it grows too large or stands still."""
-
-    def __init__(self, request: Request, limits: Limits, take: Callable[[int], None]) -> None:
-        self._receive = request.receive
-        self._limits = limits
-        self._left = limits.max_bytes
-        self._take = take
-
-    async def __call__(self) -> Message:
-        try:
-            async with asyncio.timeout(self._limits.pause):
-                message = await self._receive()
-        except TimeoutError:
-            detail = f"Nothing of the body arrived for {self._limits.pause:g} seconds; send it at one go."
-            raise HTTPException(408, detail) from None
-        size = len(message.get("body", b""))
-        self._left -= size
-        if self._left < 0:
-            raise _too_large(self._limits.max_bytes)
-        self._take(size)
-        return message
