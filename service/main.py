@@ -9,11 +9,14 @@ import threading
 from contextlib import AsyncExitStack
 
 import uvicorn
+from fastapi import FastAPI
+from starlette.routing import Route
 
 from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
+from service.transports.open_inference import rest as open_inference
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 
@@ -45,11 +48,18 @@ def serve(settings: Settings) -> None:
         raise SystemExit(1) from None
 
 
+def http_app(application: Application) -> FastAPI:
+    """All that is answered over HTTP; what one transport does around its answers is done around the other's."""
+    app = create_app(application)
+    app.router.routes.append(Route(open_inference.PATHS, open_inference.create_app(application)))
+    return app
+
+
 async def _serve(application: Application, settings: Settings) -> None:
     """Opens every transport, the HTTP server last: it is the one that waits for the signals."""
     server = uvicorn.Server(
         uvicorn.Config(
-            create_app(application),
+            http_app(application),
             host=settings.host,
             port=settings.port,
             log_config=None,
