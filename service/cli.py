@@ -43,15 +43,21 @@ def main() -> None:
 )
 @click.option("--host", help="Address to listen on; 0.0.0.0 for all.  [default: SHAPE_CONCEPTS_HOST, or 127.0.0.1]")
 @click.option("--port", type=click.IntRange(0, 65535), help="TCP port.  [default: SHAPE_CONCEPTS_PORT, or 8000]")
+@click.option(
+    "--grpc-port",
+    type=click.IntRange(-1, 65535),
+    help="TCP port of gRPC; -1 for no gRPC.  [default: SHAPE_CONCEPTS_GRPC_PORT, or 8001]",
+)
 @store_option
-def serve(host: str | None, port: int | None, store: str | None) -> None:
-    """Serves the REST interface.
+def serve(host: str | None, port: int | None, grpc_port: int | None, store: str | None) -> None:
+    """Serves the REST and gRPC interfaces.
 
-    It ends at SIGTERM or Ctrl-C, when the requests under way are answered. /docs in a browser describes it.
+    It ends at SIGTERM or Ctrl-C, when the requests under way are answered. /docs in a browser describes REST; gRPC
+    describes itself by reflection.
     """
     from service.main import serve
 
-    serve(settings_of(host=host, port=port, store=store))
+    serve(settings_of(host=host, port=port, grpc_port=grpc_port, store=store))
 
 
 for command in (respond, models, jobs, keys):

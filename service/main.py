@@ -16,6 +16,7 @@ from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
+from service.transports.grpc.server import serving as grpc_serving
 from service.transports.open_inference import rest as open_inference
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
@@ -70,6 +71,7 @@ async def _serve(application: Application, settings: Settings) -> None:
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)
+        await stack.enter_async_context(grpc_serving(application, GRACE))
         await server.serve()
 
 

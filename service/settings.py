@@ -50,6 +50,7 @@ class Settings(BaseSettings):
     )
     host: str = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all of this machine's")
     port: int = Field(8000, ge=0, le=65535, description="TCP port to listen on; 0 for any free one")
+    grpc_port: int = Field(8001, ge=-1, le=65535, description="TCP port of gRPC; 0 for any free one, -1 for no gRPC")
     access: Literal["auto", "keys", "open"] = Field(
         "auto",
         description="who may ask: 'keys': holders of access keys; 'open': everybody; 'auto': everybody where only this "
@@ -73,6 +74,7 @@ class Settings(BaseSettings):
     )
     body_timeout: float = Field(60.0, gt=0, description="longest time a request's body may take to arrive, seconds")
     body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
+    max_batch: int = Field(64, ge=1, le=1000, description="largest batch, clouds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
     loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

@@ -97,7 +97,7 @@ def service(store: str) -> Iterator[str]:
     """
     port = free_port()
     address = f"http://127.0.0.1:{port}"
-    command = script("shape-concepts", "serve", "--store", store, "--port", str(port))
+    command = script("shape-concepts", "serve", "--store", store, "--port", str(port), "--grpc-port", "-1")
     show(command)
     process = subprocess.Popen(command, env=os.environ | {"SHAPE_CONCEPTS_LOG_LEVEL": "warning"})
     try:

@@ -40,7 +40,7 @@ def serving(store: str, **settings: str) -> Iterator[tuple[subprocess.Popen[byte
     """A process that serves a store, once it answers."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port), "--store", store]
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port), "--grpc-port", "0", "--store", store]
     environment = os.environ | {f"SHAPE_CONCEPTS_{name.upper()}": value for name, value in settings.items()}
     certificate = settings.get("tls_certificate")
     scheme, verify = ("https", ssl.create_default_context(cafile=certificate)) if certificate else ("http", True)
@@ -85,7 +85,7 @@ def test_a_model_published_meanwhile_is_served_without_a_restart(store: str, tmp
 def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        command = [sys.executable, "-m", "service.cli", "serve", "--port", port, "--store", store]
+        command = [sys.executable, "-m", "service.cli", "serve", "--port", port, "--grpc-port", "0", "--store", store]
         ended = subprocess.run(command, capture_output=True, timeout=60, check=False)
     assert ended.returncode == 1
     assert b"address already in use" in ended.stderr

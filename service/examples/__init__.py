@@ -1,0 +1,1 @@
+"""One client a wire, each a file that runs by itself."""

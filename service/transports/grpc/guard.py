@@ -1,0 +1,223 @@
+"""Stands before every call: names it, limits it, receives its messages, and tells its errors."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import uuid
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
+from contextvars import ContextVar
+from functools import partial
+from typing import Any, NamedTuple
+
+import grpc
+from google.protobuf.message import DecodeError
+
+from service.access import Gate
+from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
+from service.scopes import Scope
+from service.transports import errors
+from service.transports.grpc import messages
+from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
+
+log = logging.getLogger(__name__)
+
+SERVICE = service_pb2.DESCRIPTOR.services_by_name["ShapeConceptsService"].full_name
+SCOPE: Scope = "answer"  # what every call does: nothing is altered
+REQUEST_ID = "x-request-id"
+DETAILS = "grpc-status-details-bin"  # where gRPC's clients look for a google.rpc.Status
+
+_request_id: ContextVar[str] = ContextVar("request_id")
+
+
+class Refusal(Exception):
+    """An error of this wire alone, which no use case raises."""
+
+    def __init__(self, kind: str, status: errors.Status, detail: str) -> None:
+        super().__init__(detail)
+        self.kind = kind
+        self.status = status
+
+
+LATE = errors.Status(408, "DEADLINE_EXCEEDED", "The request took too long to arrive")
+ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=True)
+
+
+class _Problem(NamedTuple):
+    document: dict[str, Any]
+    status: errors.Status
+
+
+class Guard(grpc.aio.ServerInterceptor):
+    """What every call to our service passes through; health and reflection go their own way.
+
+    A call's messages are received here, as bytes: so that they are waited for no longer than a request's body may take,
+    and that bytes which are no message are told from an error of ours.
+
+    Args:
+        gate: lets callers in by their access keys.
+        calls: how many may be open at a time.
+        timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
+    """
+
+    def __init__(self, gate: Gate, calls: int, timeout: float) -> None:
+        self._gate = gate
+        self._limit = calls
+        self._timeout = timeout
+        self._open = 0
+        self._ending = asyncio.Event()
+        self._none_open = asyncio.Event()
+        self._none_open.set()
+
+    async def end(self, grace: float) -> None:
+        """Refuses new calls, receives no more on streams, and waits for what was accepted.
+
+        Args:
+            grace: how long at most, seconds.
+        """
+        self._ending.set()
+        try:
+            async with asyncio.timeout(grace):
+                await self._none_open.wait()
+        except TimeoutError:
+            log.warning("gRPC: %d calls were not answered within %g seconds", self._open, grace)
+
+    async def intercept_service(
+        self, continuation: Callable[[Any], Awaitable[Any]], call: grpc.HandlerCallDetails
+    ) -> Any:
+        """The handler of a call, with the guard before it: one that reads and writes messages itself."""
+        handler = await continuation(call)
+        if handler is None or not call.method.startswith(f"/{SERVICE}/"):
+            return handler
+        return grpc.stream_stream_rpc_method_handler(
+            partial(self._guarded, handler, call.method), response_serializer=handler.response_serializer
+        )
+
+    async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> None:
+        request_id = str(uuid.uuid4())
+        _request_id.set(request_id)
+        context.set_trailing_metadata(((REQUEST_ID, request_id),))
+        try:
+            with self._entered():
+                async with self._let_in(_key_of(context)):  # before anything of a message is received
+                    await self._behave(handler, context)
+        except Exception as error:
+            problem = _tell(error, request_id)
+            _log(problem, error, f"{request_id} {method}")
+            status = messages.to_status(*problem, request_id)
+            trailing = ((REQUEST_ID, request_id), (DETAILS, status.SerializeToString()))
+            await context.abort(messages.code_of(problem.status), status.message, trailing)
+
+    @contextmanager
+    def _entered(self) -> Iterator[None]:
+        if self._ending.is_set():
+            raise _ending()
+        if self._open >= self._limit:
+            raise Overloaded(f"{self._limit} calls are open already; close some, or try again in a second.")
+        self._open += 1
+        self._none_open.clear()
+        try:
+            yield
+        finally:
+            self._open -= 1
+            if not self._open:
+                self._none_open.set()
+
+    @asynccontextmanager
+    async def _let_in(self, key: str | None) -> AsyncIterator[None]:
+        """Asks the gate; on a thread where it may have to ask the store."""
+        with ExitStack() as stack:
+            entered = self._gate.entered(key, SCOPE)
+            if self._gate.open:
+                stack.enter_context(entered)
+            else:
+                entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
+                try:
+                    await asyncio.shield(entering)
+                except asyncio.CancelledError:
+                    await asyncio.gather(entering, return_exceptions=True)
+                    raise
+            yield
+
+    async def _behave(self, handler: Any, context: Any) -> None:
+        if handler.request_streaming:
+            responses = handler.stream_stream(self._requests(handler, context), context)
+        else:
+            request = await self._receive(handler, context, self._timeout)
+            if request is None:
+                raise InvalidParameter("The call ended without the one message that it takes.")
+            if not handler.response_streaming:
+                await context.write(await handler.unary_unary(request, context))
+                return
+            responses = handler.unary_stream(request, context)
+        async with aclosing(responses):
+            async for response in responses:
+                await context.write(response)
+        if handler.request_streaming and self._ending.is_set():
+            raise _ending()
+
+    async def _requests(self, handler: Any, context: Any) -> AsyncIterator[Any]:
+        while (request := await self._receive(handler, context, None)) is not None:
+            yield request
+
+    async def _receive(self, handler: Any, context: Any, timeout: float | None) -> Any:
+        """The next message of a call; None where there is none, or the service ends.
+
+        Raises:
+            InvalidParameter: bytes that are no such message.
+            Refusal: nothing came in time.
+        """
+        reading = asyncio.ensure_future(context.read())
+        ending = asyncio.ensure_future(self._ending.wait())
+        try:
+            await asyncio.wait({reading, ending}, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
+            if not reading.done():
+                if ending.done():
+                    return None
+                raise Refusal("request-timeout", LATE, f"The message did not arrive within {timeout:g} seconds.")
+            if (received := reading.result()) is grpc.aio.EOF:
+                return None
+        finally:
+            ending.cancel()
+            reading.cancel()
+        try:
+            return handler.request_deserializer(received)
+        except DecodeError as error:
+            raise InvalidParameter(f"These {len(received)} bytes are not the message that the call takes.") from error
+
+
+def problem_of(error: ShapeConceptsError) -> service_pb2.Problem:
+    """An error of one cloud of several, told in the call that is being answered."""
+    return messages.to_problem(*_tell(error, _request_id.get()))
+
+
+def _key_of(context: Any) -> str | None:
+    """The access key in a call's metadata, `authorization: Bearer KEY`."""
+    for name, value in context.invocation_metadata() or ():
+        if name == "authorization" and isinstance(value, str):
+            kind, _, key = value.partition(" ")
+            return key.strip() if kind.lower() == "bearer" else None
+    return None
+
+
+def _log(problem: _Problem, error: Exception, call: str) -> None:
+    if isinstance(error, Cancelled):
+        log.info("%s: %s", call, error)
+    elif problem.status is errors.INTERNAL:
+        log.error("%s: unexpected", call, exc_info=error)
+    elif problem.status.http >= 500 and problem.status is not ENDING:
+        log.error("%s: %s", call, error)
+
+
+def _ending() -> Refusal:
+    return Refusal("ending", ENDING, "The service is ending; connect again, to another one or in a moment.")
+
+
+def _tell(error: Exception, request_id: str) -> _Problem:
+    if isinstance(error, ShapeConceptsError):
+        return _Problem(errors.problem_of(error, request_id), errors.status_of(error))
+    kind, status, detail = "internal", errors.INTERNAL, "The service failed unexpectedly; its log says more."
+    if isinstance(error, Refusal):
+        kind, status, detail = error.kind, error.status, str(error)
+    return _Problem(errors.problem(kind, status.title, status.http, detail, request_id), status)

@@ -1,0 +1,135 @@
+"""The calls of ShapeConceptsService: each converts, calls one use case, and converts back."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Awaitable
+from contextlib import aclosing
+from typing import Any
+
+from service.application import Application
+from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
+from service.transports.grpc import messages
+from service.transports.grpc.flow import in_order
+from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, service_pb2, service_pb2_grpc
+from service.transports.grpc.guard import problem_of
+from service.transports.grpc.share import Share
+
+AT_ONCE = 4  # clouds of one batch or stream at work, or answered and not yet sent
+
+
+class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
+    """Answers for an application. Errors are raised as they are: the guard before it tells them to the client."""
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+
+    async def Respond(  # noqa: N802 # as the service names it
+        self, request: service_pb2.RespondRequest, context: Any
+    ) -> service_pb2.RespondResponse:
+        """Answers one cloud."""
+        with self._application.intake.opened() as take:
+            take(request.ByteSize())
+            with self._application.pool.admitted():
+                return service_pb2.RespondResponse(answer=await self._answer(request.cloud, request.options))
+
+    async def RespondBatch(  # noqa: N802
+        self, request: service_pb2.RespondBatchRequest, context: Any
+    ) -> AsyncIterator[service_pb2.RespondBatchResponse]:
+        """Answers several clouds."""
+        limit = self._application.settings.max_batch
+        if len(request.clouds) > limit:
+            raise InvalidParameter(f"A batch has at most {limit} clouds, not {len(request.clouds)}: send several.")
+        share = Share(self._application.pool, kept=1)
+
+        async def respond(index: int) -> service_pb2.RespondBatchResponse:
+            async def answer() -> answer_pb2.Answer:
+                async with share.place():
+                    return await self._answer(request.clouds[index], request.options)
+
+            return service_pb2.RespondBatchResponse(index=index, **await _outcome(answer()))
+
+        with self._application.intake.opened() as take:
+            take(request.ByteSize())
+            with self._application.pool.admitted():
+                async with aclosing(in_order(_count(len(request.clouds)), respond, AT_ONCE)) as responses:
+                    async for response in responses:
+                        yield response
+
+    async def RespondStream(  # noqa: N802
+        self, requests: AsyncIterator[service_pb2.RespondStreamRequest], context: Any
+    ) -> AsyncIterator[service_pb2.RespondStreamResponse]:
+        """Answers clouds as they come."""
+        share = Share(self._application.pool)
+
+        async def respond(request: service_pb2.RespondStreamRequest) -> service_pb2.RespondStreamResponse:
+            async def answer() -> answer_pb2.Answer:
+                with self._application.intake.opened() as take:
+                    take(request.ByteSize())
+                    async with share.place():
+                        return await self._answer(request.cloud, request.options)
+
+            return service_pb2.RespondStreamResponse(sequence=request.sequence, **await _outcome(answer()))
+
+        async with aclosing(in_order(requests, respond, AT_ONCE)) as responses:
+            async for response in responses:
+                yield response
+
+    async def ListModels(  # noqa: N802
+        self, request: service_pb2.ListModelsRequest, context: Any
+    ) -> service_pb2.ListModelsResponse:
+        """Lists all models."""
+        models = await asyncio.to_thread(self._application.models)
+        return service_pb2.ListModelsResponse(models=map(messages.from_summary, models))
+
+    async def GetModel(  # noqa: N802
+        self, request: service_pb2.GetModelRequest, context: Any
+    ) -> service_pb2.GetModelResponse:
+        """Tells how a model was made."""
+
+        def look_up() -> service_pb2.GetModelResponse:
+            manifest = self._application.manifest(*self._application.which(**messages.to_reference(request)))
+            return service_pb2.GetModelResponse(manifest=messages.from_manifest(manifest))
+
+        return await asyncio.to_thread(look_up)
+
+    async def _answer(self, cloud: cloud_pb2.Cloud, options: answer_pb2.Options) -> answer_pb2.Answer:
+        """The answer to a cloud, from the pool, which the caller has been admitted to.
+
+        When nobody waits for it any more, the work ends with the stage that it is at.
+
+        Raises:
+            ShapeConceptsError: whatever the application raises.
+        """
+        unwanted = threading.Event()
+
+        def go_on(stage: str) -> None:
+            if unwanted.is_set():
+                raise Cancelled(f"The client hung up, or its deadline passed; the work ended before {stage}.")
+
+        def work() -> answer_pb2.Answer:
+            go_on("it began")
+            given = messages.to_options(options)
+            return messages.from_answer(self._application.respond(messages.to_cloud(cloud), **given, on_stage=go_on))
+
+        working = asyncio.ensure_future(self._application.pool.run(work))
+        try:
+            return await asyncio.shield(working)
+        except asyncio.CancelledError:
+            unwanted.set()
+            await asyncio.gather(working, return_exceptions=True)  # its place is free when its thread is
+            raise
+
+
+async def _outcome(answering: Awaitable[answer_pb2.Answer]) -> dict[str, Any]:
+    """What became of one cloud of several, as fields of the response: the answer, or the problem."""
+    try:
+        return {"answer": await answering}
+    except ShapeConceptsError as error:
+        return {"problem": problem_of(error)}
+
+
+async def _count(number: int) -> AsyncIterator[int]:
+    for index in range(number):
+        yield index
