@@ -18,6 +18,7 @@ from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
 from service.transports.grpc.server import serving as grpc_serving
 from service.transports.open_inference import rest as open_inference
+from service.transports.open_inference.servicer import served as open_inference_served
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 
@@ -71,7 +72,7 @@ async def _serve(application: Application, settings: Settings) -> None:
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)
-        await stack.enter_async_context(grpc_serving(application, GRACE))
+        await stack.enter_async_context(grpc_serving(application, GRACE, [open_inference_served(application)]))
         await server.serve()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
 from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
@@ -50,7 +50,7 @@ class _Problem(NamedTuple):
 
 
 class Guard(grpc.aio.ServerInterceptor):
-    """What every call to our service passes through; health and reflection go their own way.
+    """What every call to our services passes through; health and reflection go their own way.
 
     A call's messages are received here, as bytes: so that they are waited for no longer than a request's body may take,
     and that bytes which are no message are told from an error of ours.
@@ -59,9 +59,20 @@ class Guard(grpc.aio.ServerInterceptor):
         gate: lets callers in by their access keys.
         calls: how many may be open at a time.
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
+        services: names of our services.
+        open: paths of the calls that need no access key.
     """
 
-    def __init__(self, gate: Gate, calls: int, timeout: float) -> None:
+    def __init__(
+        self,
+        gate: Gate,
+        calls: int,
+        timeout: float,
+        services: Iterable[str] = (SERVICE,),
+        open: frozenset[str] = frozenset(),
+    ) -> None:
+        self._ours = tuple(f"/{name}/" for name in services)
+        self._unlocked = open
         self._gate = gate
         self._limit = calls
         self._timeout = timeout
@@ -88,7 +99,7 @@ class Guard(grpc.aio.ServerInterceptor):
     ) -> Any:
         """The handler of a call, with the guard before it: one that reads and writes messages itself."""
         handler = await continuation(call)
-        if handler is None or not call.method.startswith(f"/{SERVICE}/"):
+        if handler is None or not call.method.startswith(self._ours):
             return handler
         return grpc.stream_stream_rpc_method_handler(
             partial(self._guarded, handler, call.method), response_serializer=handler.response_serializer
@@ -100,7 +111,7 @@ class Guard(grpc.aio.ServerInterceptor):
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
         try:
             with self._entered():
-                async with self._let_in(_key_of(context)):  # before anything of a message is received
+                async with self._let_in(method, _key_of(context)):  # before anything of a message is received
                     await self._behave(handler, context)
         except Exception as error:
             problem = _tell(error, request_id)
@@ -125,8 +136,11 @@ class Guard(grpc.aio.ServerInterceptor):
                 self._none_open.set()
 
     @asynccontextmanager
-    async def _let_in(self, key: str | None) -> AsyncIterator[None]:
+    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[None]:
         """Asks the gate; on a thread where it may have to ask the store."""
+        if method in self._unlocked:
+            yield
+            return
         with ExitStack() as stack:
             entered = self._gate.entered(key, SCOPE)
             if self._gate.open:

@@ -18,7 +18,7 @@ BINARY_SIZE = "binary_data_size"
 BINARY_OUTPUT = "binary_data_output"
 
 
-class _InputParameters(BaseModel):
+class _InputParameters(BaseModel, extra="forbid"):
     binary_data_size: StrictInt | None = Field(None, ge=0)
 
 
@@ -30,7 +30,7 @@ class _Input(BaseModel):
     parameters: _InputParameters = _InputParameters()
 
 
-class _OutputParameters(BaseModel):
+class _OutputParameters(BaseModel, extra="forbid"):
     binary_data: StrictBool | None = None
     classification: StrictInt = 0
 
