@@ -64,13 +64,22 @@ class AliasLog:
 
         self._append(entry)
 
-    def rollback(self) -> int | None:
+    def rollback(self, leaving: int | None = None) -> int | None:
         """Lets the alias mean what it meant before its last promotion, and again, before the one before.
+
+        Args:
+            leaving: the version that it has to mean now; None for any.
 
         Returns:
             The version that it means now; None, and nothing changes, if there is none to go back to.
         """
-        return self._append(lambda held: (held[-2], "rollback") if len(held) > 1 else None)
+
+        def entry(held: list[int]) -> tuple[int, str] | None:
+            if len(held) < 2 or leaving not in (None, held[-1]):
+                return None
+            return held[-2], "rollback"
+
+        return self._append(entry)
 
     def _append(self, entry: Callable[[list[int]], tuple[int, str] | None]) -> int | None:
         """Appends what `entry` makes of the versions held so far, anew if somebody else was quicker."""

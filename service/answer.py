@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.engine.model import Response
@@ -31,10 +34,15 @@ class Stimuli(BaseModel):
     value: list[float] = Field(description="their stimuli, float32, Eq. 1, scaled by rank where the model is balanced")
 
 
+def _without_all_responses(schema: dict[str, Any]) -> None:
+    """A transport may leave out the responses to all concepts, where only the ranked ones were asked for."""
+    schema["required"] = [field for field in schema["required"] if field not in ("responses", "distances")]
+
+
 class Answer(BaseModel):
     """Which concepts of a model a cloud resembles, and how much. Floats are exact: read back, they are the same."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, json_schema_extra=_without_all_responses)
 
     model: str = Field(description="name of the model that answered")
     version: int = Field(ge=1, description="its version")
@@ -71,7 +79,13 @@ class Answer(BaseModel):
 
 
 def compose(
-    response: Response, model: tuple[str, int], timings_ms: dict[str, float], *, top: int | None, stimuli: bool
+    response: Response,
+    model: tuple[str, int],
+    timings_ms: dict[str, float],
+    *,
+    top: int | None,
+    stimuli: bool,
+    names: Mapping[int, str] | None = None,
 ) -> Answer:
     """The answer that a response makes.
 
@@ -81,7 +95,9 @@ def compose(
         timings_ms: of each stage, milliseconds.
         top: how many of the best concepts are listed, None for all; `responses` and `distances` are whole always.
         stimuli: whether the stimuli vector is part of the answer.
+        names: that people gave to concepts.
     """
+    names = names or {}
     points, explanation = response.point_segments, response.explanation
     return Answer(
         model=model[0],
@@ -92,6 +108,7 @@ def compose(
         concepts=[
             Concept(
                 id=int(response.concept_ids[position]),
+                name=names.get(int(response.concept_ids[position])),
                 response=float(response.responses[position]),
                 distance=float(response.distances[position]),
                 rank=rank,

@@ -15,16 +15,29 @@ from service import clouds
 from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
+from service.catalogue import (
+    AnnexationGraph,
+    Barcode,
+    ConceptList,
+    Tree,
+    list_concepts,
+    tell_annexations,
+    tell_barcode,
+    tell_tree,
+)
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidParameter, ModelNotFound, TooManyPoints
+from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers, Models
 from service.model_file import Manifest
+from service.naming import Naming
 from service.pool import Intake, Pool
+from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.settings import Settings
 from service.store import NO_MODEL, PRODUCTION, ModelStore
+from service.tabletop import cut_out, find_objects
 
 
 class CloudFile(NamedTuple):
@@ -92,6 +105,7 @@ class Application:
         self._jobs = Jobs(settings.jobs_url)
         self._models = Models(lambda name, version: self.store.load(name, version)[0], settings.loaded_models)
         self._answers = Answers()
+        self.naming = Naming(self.store, self._models, self._answers)
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
 
@@ -133,15 +147,63 @@ class Application:
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
         """
-        if top is not None and top < 1:
-            raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
+        _check_top(top)
         name, number = self.which(model, version, alias)
         shape_model = self._models.get(name, number)
+        names = self.naming.names(name, number).of
         timings = _Timings(on_stage)
         timings.begin("decode")
         points = self._points(cloud)
         response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=timings.begin)
-        return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli)
+        return compose(response, (name, number), timings.end(), top=top, stimuli=stimuli, names=names)
+
+    def respond_scene(
+        self,
+        scene: CloudFile | clouds.SceneCloud,
+        *,
+        model: str | None = None,
+        version: int | None = None,
+        alias: str | None = None,
+        time: float | None = None,
+        top: int | None = None,
+        stimuli: bool = False,
+        explain: bool = False,
+        segments: bool = False,
+        on_stage: OnStage = ignore_stage,
+    ) -> SceneAnswer:
+        """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
+
+        An object that cannot be answered is told with its error, and keeps no other from its answer. Arguments and
+        errors are those of `respond`, for each object; `segments` also says which object each point is part of.
+
+        Raises:
+            NoSupportingPlane: there is nothing that objects could stand on.
+        """
+        _check_top(top)
+        name, number = self.which(model, version, alias)
+        shape_model = self._models.get(name, number)
+        names = self.naming.names(name, number).of
+        timings = _Timings(on_stage)
+        timings.begin("decode")
+        sent = self._scene(scene)
+        timings.begin("tabletop")
+        seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
+        answers: list[Answer | Refusal] = []
+        for one in seen.objects:
+            own = _Timings(timings.begin)
+            try:
+                response = shape_model.respond(
+                    cut_out(sent.cloud, one, seen.plane),
+                    time=time,
+                    explain=explain,
+                    segments=segments,
+                    on_stage=own.begin,
+                )
+            except InvalidCloud as error:
+                answers.append(refuse(error))
+            else:
+                answers.append(compose(response, (name, number), own.end(), top=top, stimuli=stimuli, names=names))
+        return compose_scene(sent, seen, answers, (name, number), timings.end(), points=segments)
 
     def concept_order(self, name: str, version: int, time: float | None = None) -> ConceptOrder:
         """Which concepts the responses of a version's answers are to.
@@ -200,14 +262,40 @@ class Application:
 
     def models(self) -> list[ModelSummary]:
         """All models of the store with their versions and aliases."""
-        return [
-            ModelSummary(name=name, versions=self.store.versions(name), aliases=self.store.aliases(name))
-            for name in self.store.names()
-        ]
+        return [self.model(name) for name in self.store.names()]
+
+    def model(self, name: str) -> ModelSummary:
+        """A model with its versions and aliases.
+
+        Raises:
+            ModelNotFound: there is no such model.
+        """
+        return ModelSummary(name=name, versions=self.store.require(name), aliases=self.store.aliases(name))
 
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
-        return self.store.manifest(name, version)
+        return self._answers.get(f"the manifest of {name}:{version}", lambda: self.store.manifest(name, version))
+
+    def concepts(self, name: str, version: int, time: float | None = None) -> ConceptList:
+        """The concepts of a version: those at a filtration time; None for those that answers compare clouds with.
+
+        Raises:
+            InvalidParameter: the time is not in [0, 1].
+        """
+        names = self.naming.names(name, version).of
+        return list_concepts(self._models.get(name, version), (name, version), time, names)
+
+    def barcode(self, name: str, version: int) -> Barcode:
+        """The bars of H_0 of a version's filtration."""
+        return tell_barcode(self._models.get(name, version), (name, version))
+
+    def annexations(self, name: str, version: int) -> AnnexationGraph:
+        """The annexation graph F of a version."""
+        return tell_annexations(self._models.get(name, version), (name, version))
+
+    def tree(self, name: str, version: int) -> Tree:
+        """The spanning tree of a version's topological space."""
+        return tell_tree(self._models.get(name, version), (name, version))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
@@ -227,7 +315,12 @@ class Application:
         return thumbnails[number]
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
-        """All that each alias of a model has meant, oldest first."""
+        """All that each alias of a model has meant, oldest first.
+
+        Raises:
+            ModelNotFound: there is no such model.
+        """
+        self.store.require(name)
         return {alias: self.store.alias_history(name, alias) for alias in self.store.aliases(name)}
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
@@ -241,9 +334,9 @@ class Application:
         self._answers.forget()
         return name, version
 
-    def rollback(self, name: str, alias: str = PRODUCTION) -> int:
-        """Lets an alias mean what it meant before; returns the version."""
-        version = self.store.rollback(name, alias)
+    def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
+        """Lets an alias mean what it meant before; returns the version. `leaving`: only if it means that one now."""
+        version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
 
@@ -264,12 +357,15 @@ class Application:
         return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
+        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud
+
+    def _scene(self, cloud: CloudFile | clouds.SceneCloud) -> clouds.SceneCloud:
         limit = self.settings.max_points
-        if isinstance(cloud, PointCloud):
-            if len(cloud.points) > limit:
-                raise TooManyPoints(f"The cloud has {len(cloud.points)} points; at most {limit} are taken.")
+        if isinstance(cloud, clouds.SceneCloud):
+            if len(cloud.cloud.points) > limit:
+                raise TooManyPoints(f"The cloud has {len(cloud.cloud.points)} points; at most {limit} are taken.")
             return cloud
-        return clouds.read(
+        return clouds.read_scene(
             cloud.data,
             cloud.format,
             name=cloud.name,
@@ -316,6 +412,11 @@ def parse_viewpoint(text: str) -> clouds.Viewpoint:
     except ValueError:
         raise InvalidParameter(f"The viewpoint is numbers, separated by commas; it was '{text[:100]}'.") from None
     return clouds.Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]) if turn else (1.0, 0.0, 0.0, 0.0))
+
+
+def _check_top(top: int | None) -> None:
+    if top is not None and top < 1:
+        raise InvalidParameter(f"top is the number of concepts to list, at least 1; it was {top}.")
 
 
 class _Timings:

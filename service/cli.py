@@ -12,6 +12,7 @@ from service import __version__
 from service.commands.jobs import jobs
 from service.commands.keys import keys
 from service.commands.models import models
+from service.commands.names import names
 from service.commands.options import settings_of, store_option
 from service.commands.reporting import ReportingGroup, examples
 from service.commands.respond import respond
@@ -60,7 +61,7 @@ def serve(host: str | None, port: int | None, grpc_port: int | None, store: str 
     serve(settings_of(host=host, port=port, grpc_port=grpc_port, store=store))
 
 
-for command in (respond, models, jobs, keys):
+for command in (respond, models, names, jobs, keys):
     main.add_command(command)
 
 if __name__ == "__main__":

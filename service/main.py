@@ -65,6 +65,7 @@ async def _serve(application: Application, settings: Settings) -> None:
             host=settings.host,
             port=settings.port,
             log_config=None,
+            access_log=False,  # the interface logs each request itself, with its id
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE,

@@ -76,11 +76,12 @@ class Objects:
             with self._reporting("written"):
                 obstore.delete(self._writable(), keys)
 
-    def keys(self, folder: str) -> list[str]:
-        """Keys of all objects below a folder, sorted."""
+    def keys(self, folder: str, after: str | None = None) -> list[str]:
+        """Keys of all objects below a folder, sorted; only those after a key, if one is given."""
         with self._reporting("read"):
-            store = self._readable()
-            return [] if store is None else sorted(meta["path"] for meta in obstore.list(store, folder).collect())
+            if (store := self._readable()) is None:
+                return []
+            return sorted(meta["path"] for meta in obstore.list(store, folder, offset=after).collect())
 
     def folders(self, folder: str) -> list[str]:
         """Names of the folders directly in a folder, sorted."""
@@ -89,9 +90,10 @@ class Objects:
             found = [] if store is None else obstore.list_with_delimiter(store, folder)["common_prefixes"]
             return sorted(prefix.rstrip("/").rpartition("/")[2] for prefix in found)
 
-    def numbers(self, folder: str) -> list[int]:
-        """Numbers of the entries of a folder that `create_number` made, ascending."""
-        return [int(key[-13:-5]) for key in self.keys(folder) if re.fullmatch(r".*/\d{8}\.json", key)]
+    def numbers(self, folder: str, after: int = 0) -> list[int]:
+        """Numbers of the entries of a folder that `create_number` made, ascending, from `after` + 1 on."""
+        keys = self.keys(folder, f"{folder}/{after:08}.json" if after else None)
+        return [int(key[-13:-5]) for key in keys if re.fullmatch(r".*/\d{8}\.json", key)]
 
     def create_number(self, folder: str, number: int, data: bytes) -> bool:
         """Writes a numbered entry of a folder if there is none; returns whether there was none."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
-from service.engine.errors import Overloaded
+from service.engine.errors import Cancelled, Overloaded
 
 P = ParamSpec("P")
+S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -69,6 +71,7 @@ class Pool:
 
     def __init__(self, workers: int, queue: int) -> None:
         self.places = workers + queue
+        self._workers = workers
         self._admitted = 0
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="respond")
@@ -80,20 +83,59 @@ class Pool:
         Raises:
             Overloaded: all places are taken; at once, without waiting.
         """
-        with self._lock:
-            if self._admitted >= self.places:
-                raise Overloaded(f"{self.places} requests are already at work or waiting; try again in a second.")
-            self._admitted += 1
+        if not self._take(self.places):
+            raise Overloaded(f"{self.places} requests are already at work or waiting; try again in a second.")
         try:
             yield
         finally:
-            with self._lock:
-                self._admitted -= 1
+            self._give_back()
 
     async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """The result of work done on one of the threads. The caller has been admitted."""
         return await asyncio.wrap_future(self._threads.submit(work, *args, **kwargs))
 
+    async def run_each(
+        self, work: Callable[[S], T], items: Sequence[S], abandoned: Callable[[], Awaitable[bool]]
+    ) -> list[T]:
+        """The results of work done on each of several items, in their order. The caller has been admitted, once.
+
+        One item after another is worked on in the caller's place, and others beside it while threads are idle: as soon
+        as somebody else asks for these, they are theirs after the item under way.
+
+        Args:
+            work: raises nothing that is foreseen.
+            items: of the same caller.
+            abandoned: asked before each item whether nobody waits for the results any more.
+
+        Raises:
+            Cancelled: they were abandoned; the items under way are finished first.
+        """
+        results: dict[int, T] = {}
+        waiting = deque(enumerate(items))
+
+        async def work_on(place: int, item: S) -> None:
+            results[place] = await self.run(work, item)
+
+        async with asyncio.TaskGroup() as beside:
+            while waiting and not await abandoned():
+                while len(waiting) > 1 and self._take(self._workers):
+                    beside.create_task(work_on(*waiting.popleft())).add_done_callback(lambda _: self._give_back())
+                await work_on(*waiting.popleft())
+        if waiting:
+            raise Cancelled(f"The client hung up when {len(results)} of {len(items)} were done.")
+        return [results[place] for place in range(len(items))]
+
     def close(self) -> None:
         """Waits for the work under way and drops what has not begun."""
         self._threads.shutdown(cancel_futures=True)
+
+    def _take(self, limit: int) -> bool:
+        """Takes a place unless so many are taken; returns whether it did."""
+        with self._lock:
+            taken = self._admitted < limit
+            self._admitted += taken
+            return taken
+
+    def _give_back(self) -> None:
+        with self._lock:
+            self._admitted -= 1

@@ -76,5 +76,8 @@ class Settings(BaseSettings):
     body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
     max_batch: int = Field(64, ge=1, le=1000, description="largest batch, clouds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
+    max_objects: int = Field(
+        64, ge=1, le=1000, description="objects of a scene that are answered, nearest first, objects"
+    )
     loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

@@ -5,6 +5,7 @@ Layout, below the store's URL:
     blobs/sha256/<hex>.safetensors                 tensors, by content
     models/<name>/versions/<8 digits>.json         manifests; a version exists when its manifest does
     models/<name>/aliases/<alias>/<8 digits>.json  an append-only log; the highest number holds
+    models/<name>/names/<version>/<8 digits>.json  another one: the names of the version's concepts
 
 Content is written first and the manifest last, with a put that creates or fails: a version is there whole or not at
 all, and of two publishers who want the same number one takes the next.
@@ -21,6 +22,7 @@ from service.aliases import AliasEntry, AliasLog
 from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
 from service.engine.model import ShapeModel
 from service.model_file import NAME, TENSORS, Manifest, decode, describe, encode, read_manifest, sha256, write_manifest
+from service.names import NameLog
 from service.objects import Objects
 
 PRODUCTION = "production"
@@ -84,8 +86,14 @@ class ModelStore:
         self._require(name, version)
         self._log(name, alias).promote(version)
 
-    def rollback(self, name: str, alias: str = PRODUCTION) -> int:
+    def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
         """Lets an alias mean what it meant before its last promotion; again, the one before that.
+
+        Args:
+            name: of the model.
+            alias: of its version.
+            leaving: the version that it shall no longer mean; if it does not, nothing happens. Repeated with the same
+                one, it is done once.
 
         Returns:
             The version that the alias means now.
@@ -94,10 +102,12 @@ class ModelStore:
             ModelNotFound: there is no such alias.
             InvalidParameter: there is no earlier version to go back to.
         """
-        if (version := self._log(name, alias).rollback()) is not None:
+        if (version := self._log(name, alias).rollback(leaving)) is not None:
             return version
         if (current := self._log(name, alias).current()) is None:
             raise self._no_alias(name, alias)
+        if leaving is not None and current != leaving:
+            return current
         raise InvalidParameter(f"{name}@{alias} means version {current} and nothing before: it cannot be rolled back.")
 
     # Reading
@@ -110,6 +120,16 @@ class ModelStore:
         """Versions of a model, ascending; none when there is no such model."""
         return self._objects.numbers(_versions(name))
 
+    def require(self, name: str) -> list[int]:
+        """Versions of a model, ascending.
+
+        Raises:
+            ModelNotFound: there is no such model.
+        """
+        if versions := self.versions(name):
+            return versions
+        raise ModelNotFound(f"There is no model '{name}'. {self._what_exists(name)}")
+
     def aliases(self, name: str) -> dict[str, int]:
         """What each alias of a model means."""
         aliases = {alias: self._log(name, alias).current() for alias in self._objects.folders(f"models/{name}/aliases")}
@@ -118,6 +138,10 @@ class ModelStore:
     def alias_history(self, name: str, alias: str = PRODUCTION) -> list[AliasEntry]:
         """All that an alias has meant, oldest first; nothing when there is no such alias."""
         return self._log(name, alias).history()
+
+    def concept_names(self, name: str, version: int) -> NameLog:
+        """The names of a version's concepts."""
+        return NameLog(self._objects, f"models/{name}/names/{version:08}")
 
     def resolve(self, reference: str) -> tuple[str, int]:
         """Name and version of `NAME`, which means `NAME@production`, `NAME@ALIAS` or `NAME:VERSION`.

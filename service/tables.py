@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,63 @@ from service.explanation import Explanation, Likeness
 from service.jobs import Job
 from service.keys import AccessKey
 from service.model_file import Manifest
+from service.proposals import Proposal
+from service.scene_answer import AnsweredObject, LeftOut, SceneAnswer
 
 SHADES = " .:-=+*#%@"  # from dark to bright
+
+
+Thumbnail = Callable[[int], NDArray[np.uint8]]  # the picture (48, 48) of a training object
+
+
+def show_scene(file: str, answer: SceneAnswer, thumbnail: Thumbnail) -> None:
+    """Prints where each object of a scene is and what it resembles, and what was left out."""
+    console = Console()
+    milliseconds = sum(answer.timings_ms.values())
+    console.print(
+        f"{file}: {len(answer.objects)} objects on a plane {answer.plane.sensor_height_m:.2f} m below the sensor, "
+        f"{milliseconds:.0f} ms",
+        markup=False,
+        highlight=False,
+    )
+    for one in answer.objects:
+        if one.answer:
+            show_answer(f"object {one.number}", one.answer)
+        console.print(_place(one), markup=False, highlight=False)
+        if one.error:
+            console.print(f"not answered: {one.error.detail}", markup=False, highlight=False)
+        if one.answer and one.answer.explanation:
+            show_explanation(one.answer.explanation, thumbnail)
+    if answer.left_out:
+        console.print(_left_out(answer.left_out))
+    _print_notes(console, answer.warnings)
+
+
+def _place(one: AnsweredObject) -> str:
+    """Where an object is, in a sentence."""
+    length, width, height = (f"{100 * metres:.1f}" for metres in one.box.size_m)
+    notes = [f"touches {', '.join(map(str, one.touches))}"] if one.touches else []
+    notes += [f"perhaps hidden in part by {', '.join(map(str, one.hidden_by))}"] if one.hidden_by else []
+    notes += ["at the image's border"] if one.at_border else []
+    notes += ["goes on beyond the plane's edge"] if one.beyond_edge else []
+    position = ", ".join(f"{metres:.3f}" for metres in one.position_m)
+    return "; ".join(
+        [f"object {one.number}: at ({position}) m, {length} x {width} x {height} cm, {one.points} points", *notes]
+    )
+
+
+def _left_out(reasons: list[LeftOut]) -> Table:
+    table = Table(title="left out", title_justify="left")
+    for heading in ("points", "pieces", "because"):
+        table.add_column(heading, justify="left" if heading == "because" else "right")
+    for left in reasons:
+        table.add_row(str(left.points), str(left.pieces or "-"), left.detail)
+    return table
+
+
+def _print_notes(console: Console, warnings: list[str]) -> None:
+    for warning in warnings:
+        console.print(f"note: {warning}", markup=False, highlight=False)
 
 
 def show_answer(file: str, answer: Answer) -> None:
@@ -47,8 +102,7 @@ def show_answer(file: str, answer: Answer) -> None:
         )
     console = Console()
     console.print(table)
-    for warning in answer.warnings:
-        console.print(f"note: {warning}", markup=False, highlight=False)
+    _print_notes(console, answer.warnings)
     if answer.truncated:
         console.print("note: there were more constellations than are looked at; the smallest were left out")
 
@@ -71,7 +125,7 @@ def show_keys(keys: Sequence[AccessKey], revoked: Collection[str]) -> None:
     Console().print(table)
 
 
-def show_explanation(explanation: Explanation, thumbnail: Callable[[int], NDArray[np.uint8]]) -> None:
+def show_explanation(explanation: Explanation, thumbnail: Thumbnail) -> None:
     """Prints why an answer is what it is.
 
     Args:
@@ -126,7 +180,7 @@ def _fired_vertices(explanation: Explanation) -> Table:
     return table
 
 
-def _pictures(objects: list[Likeness], thumbnail: Callable[[int], NDArray[np.uint8]]) -> Columns:
+def _pictures(objects: list[Likeness], thumbnail: Thumbnail) -> Columns:
     return Columns(
         Panel(_draw(thumbnail(near.object)), title=_likenesses([near]), padding=0, expand=False) for near in objects
     )
@@ -180,6 +234,33 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     }
     for name, value in rows.items():
         table.add_row(name, escape(str(value)))
+    Console().print(table)
+
+
+def show_names(names: Mapping[int, str]) -> None:
+    """Prints the names of concepts."""
+    table = Table()
+    table.add_column("concept", justify="right")
+    table.add_column("name")
+    for concept, name in names.items():
+        table.add_row(str(concept), escape(name))
+    Console().print(table)
+
+
+def show_proposals(proposals: list[Proposal], *, applied: bool) -> None:
+    """Prints the names that are proposed for concepts, and why."""
+    table = Table(caption="they are called so now" if applied else "nothing is stored; --apply gives these names")
+    for heading in ("concept", "proposed", "now", "share", "of clouds", "their labels"):
+        table.add_column(heading, justify="right" if heading in ("concept", "share", "of clouds") else "left")
+    for proposal in proposals:
+        table.add_row(
+            str(proposal.concept),
+            escape(proposal.name or f"- ({' and '.join(proposal.tied)} tie)"),
+            escape(proposal.current or "-"),
+            f"{proposal.share:.0%}",
+            str(proposal.support),
+            escape(", ".join(f"{label} {count}" for label, count in proposal.labels.items())),
+        )
     Console().print(table)
 
 

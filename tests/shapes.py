@@ -51,6 +51,14 @@ def stack(*parts: tuple[Composition, tuple[float, float, float]]) -> Composition
     return Composition(tuple(moved))
 
 
+def table(*standing: tuple[Composition, float, tuple[float, float]], edge: float = 0.6) -> Composition:
+    """A square table top, whose surface is the ground (z = 0), and solids that stand on it: each with its height and
+    where its middle is, metres. The table is prototype 0; the solids, of one prototype each, follow.
+    """
+    parts = [(solid, (x, y, height / 2)) for solid, height, (x, y) in standing]
+    return stack((box(edge, edge, 0.02), (0, 0, -0.01)), *parts)
+
+
 def look(azimuth: float, elevation: float, distance: float, roll: float = 0.0) -> View:
     """The view of the composition's origin from an azimuth and elevation, degrees, at a distance, metres."""
     a, e, r = np.radians([azimuth, elevation, roll])

@@ -13,6 +13,7 @@ from service.clouds.depth import DepthCamera, parse_camera
 from service.clouds.formats import FORMATS, Format, by_content, by_media_type, tell
 from service.clouds.frame import UNITS, RawCloud, Viewpoint, place
 from service.clouds.ply import write as write_ply
+from service.clouds.scene_cloud import SceneCloud
 from service.engine.cloud import PointCloud
 from service.engine.errors import EmptyCloud, InvalidParameter, UnreadableCloud, UnsupportedFormat
 
@@ -22,10 +23,12 @@ __all__ = [
     "UNITS",
     "DepthCamera",
     "Format",
+    "SceneCloud",
     "Viewpoint",
     "by_media_type",
     "parse_camera",
     "read",
+    "read_scene",
     "write_ply",
 ]
 
@@ -76,6 +79,30 @@ def read(
         EmptyCloud, NoFinitePoints, TooManyPoints, ImplausibleExtent: by what the file holds.
         InvalidParameter: an unknown unit, a limit below 1, or a depth image without its camera, and the reverse.
     """
+    return read_scene(
+        data,
+        format,
+        name=name,
+        unit=unit,
+        viewpoint=viewpoint,
+        camera=camera,
+        mask=mask,
+        max_points=max_points,
+    ).cloud
+
+
+def read_scene(
+    data: bytes,
+    format: str | None = None,
+    *,
+    name: str = "",
+    unit: str | None = None,
+    viewpoint: Viewpoint | None = None,
+    camera: DepthCamera | None = None,
+    mask: bytes | None = None,
+    max_points: int = MAX_POINTS,
+) -> SceneCloud:
+    """Reads a cloud as `read`, with the pose of its sensor and the width of its image."""
     if format is not None and format not in FORMATS:
         raise UnsupportedFormat(f"the format {format!r} is unknown; it is one of {', '.join(FORMATS)}")
     if unit is not None and unit not in UNITS:
@@ -91,8 +118,11 @@ def read(
         format = format or tell(data, name)
         if format == "png" or camera is not None or mask is not None:
             _check_depth(format, unit, viewpoint)
-            return place(_read_depth(data, max_points, camera, mask), unit, viewpoint)
-        return place(_READERS[format](data, max_points), unit, viewpoint)
+            raw = _read_depth(data, max_points, camera, mask)
+        else:
+            raw = _READERS[format](data, max_points)
+        pose = viewpoint or raw.viewpoint or Viewpoint()
+        return SceneCloud(place(raw, unit, viewpoint), pose, unit or raw.unit or "m", raw.width)
 
 
 def _check_depth(format: str, unit: str | None, viewpoint: Viewpoint | None) -> None:

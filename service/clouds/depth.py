@@ -107,7 +107,7 @@ def read(data: bytes, max_points: int, camera: DepthCamera, mask: bytes | None =
             raise NoFinitePoints("no pixel of the depth image was measured where its mask has the object (is not 0)")
     rows, columns = np.arange(z.shape[0])[:, None], np.arange(z.shape[1])
     x, y = (columns - camera.cx) * z / camera.fx, (rows - camera.cy) * z / camera.fy
-    return RawCloud(np.stack([x, y, z], axis=-1).reshape(-1, 3))
+    return RawCloud(np.stack([x, y, z], axis=-1).reshape(-1, 3), width=z.shape[1])
 
 
 def _metres(depth: NDArray[Any], camera: DepthCamera) -> NDArray[np.float64]:

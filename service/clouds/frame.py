@@ -62,11 +62,13 @@ class RawCloud(NamedTuple):
         xyz: (N, 3) float64, the file's frame and unit; NaN or infinite where nothing was measured.
         viewpoint: the file's own word on where the sensor stood, if it has one.
         unit: the file's own word on its unit, one of UNITS, if it has one.
+        width: points in a row, where the file is an image row by row.
     """
 
     xyz: NDArray[np.float64]
     viewpoint: Viewpoint | None = None
     unit: str | None = None
+    width: int | None = None
 
 
 def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> PointCloud:

@@ -35,6 +35,12 @@ class Layout(NamedTuple):
         return math.prod(self.shape if self.dtype.names else self.shape[:-1])
 
     @property
+    def width(self) -> int | None:
+        """Points in a row, where the array is an image."""
+        shape = self.shape if self.dtype.names else self.shape[:-1]
+        return shape[1] if len(shape) == 2 else None
+
+    @property
     def size(self) -> int:
         """Bytes of its data."""
         return math.prod(self.shape) * self.dtype.itemsize
@@ -52,7 +58,7 @@ def read(data: bytes, max_points: int) -> RawCloud:
         raise UnreadableCloud(f"NPY: {flaw}")
     check_count(layout.points, max_points, "this NPY")
     check_bytes(layout.size, len(data) - layout.body, "NPY")
-    return RawCloud(to_xyz(memoryview(data)[layout.body :], layout))
+    return RawCloud(to_xyz(memoryview(data)[layout.body :], layout), width=layout.width)
 
 
 def of_points(xyz: bytes) -> bytes:

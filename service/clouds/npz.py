@@ -49,7 +49,7 @@ def _read_archive(archive: zipfile.ZipFile, max_points: int) -> RawCloud:
         octets = member.read(layout.size)
         member.read(1)  # past the end, where zipfile compares the checksum
     check_bytes(layout.size, len(octets), where)
-    return RawCloud(to_xyz(octets, layout))
+    return RawCloud(to_xyz(octets, layout), width=layout.width)
 
 
 def _only_cloud(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> str:

@@ -31,10 +31,11 @@ class Field(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What the lines before the data say; the data begins at byte `body`."""
+    """What the lines before the data say; the data begins at byte `body`. `width` is None where there is one row."""
 
     fields: tuple[Field, ...]
     points: int
+    width: int | None
     viewpoint: Viewpoint | None
     encoding: str
     body: int
@@ -58,7 +59,7 @@ def read(data: bytes, max_points: int) -> RawCloud:
     readers = {"ascii": _read_ascii, "binary": _read_binary, "binary_compressed": _read_compressed}
     if header.encoding not in readers:
         raise UnreadableCloud(f"PCD: DATA {quote(header.encoding)} is not one of {', '.join(readers)}")
-    return RawCloud(readers[header.encoding](data, header, columns, max_points), header.viewpoint)
+    return RawCloud(readers[header.encoding](data, header, columns, max_points), header.viewpoint, width=header.width)
 
 
 def _read_header(data: bytes) -> Header:
@@ -71,9 +72,11 @@ def _read_header(data: bytes) -> Header:
     lines = [line.split() for line in data[: end.start()].decode("ascii", "replace").splitlines()]
     said = {words[0].upper(): words[1:] for words in lines if words and not words[0].startswith("#")}
     names = said.get("FIELDS", said.get("COLUMNS", []))
+    points, width = _read_points(said)
     return Header(
         fields=_read_fields(names, said),
-        points=_read_points(said),
+        points=points,
+        width=width,
         viewpoint=_read_viewpoint(said["VIEWPOINT"]) if "VIEWPOINT" in said else None,
         encoding=end[1].decode("latin-1").lower(),
         body=end.end(),
@@ -101,7 +104,8 @@ def _read_fields(names: list[str], said: dict[str, list[str]]) -> tuple[Field, .
     return fields
 
 
-def _read_points(said: dict[str, list[str]]) -> int:
+def _read_points(said: dict[str, list[str]]) -> tuple[int, int | None]:
+    """How many points there are, and how many in a row where there are several rows."""
     sizes = {name: said[name] for name in ("WIDTH", "HEIGHT", "POINTS") if name in said}
     for name, words in sizes.items():
         if len(words) != 1:
@@ -110,11 +114,11 @@ def _read_points(said: dict[str, list[str]]) -> int:
     if "WIDTH" not in numbers:
         if "POINTS" not in numbers:
             raise UnreadableCloud("PCD: its header says neither WIDTH and HEIGHT nor POINTS")
-        return numbers["POINTS"]
+        return numbers["POINTS"], None
     grid = numbers["WIDTH"] * numbers.get("HEIGHT", 1)
     if numbers.get("POINTS", grid) != grid:
         raise UnreadableCloud(f"PCD: POINTS {numbers['POINTS']} is not WIDTH times HEIGHT, {grid}; correct its header")
-    return grid
+    return grid, numbers["WIDTH"] if numbers.get("HEIGHT", 1) > 1 else None
 
 
 def _read_viewpoint(words: list[str]) -> Viewpoint:

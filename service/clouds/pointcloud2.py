@@ -50,7 +50,8 @@ def read_with_origin(data: bytes, max_points: int) -> tuple[RawCloud, Origin]:
     message = _deserialise(data)
     check_count(message.width * message.height, max_points, "this PointCloud2")
     _check_steps(message)
-    return RawCloud(np.stack([_axis(message, axis) for axis in "xyz"], axis=-1).reshape(-1, 3)), _origin(message)
+    points = np.stack([_axis(message, axis) for axis in "xyz"], axis=-1).reshape(-1, 3)
+    return RawCloud(points, width=message.width if message.height > 1 else None), _origin(message)
 
 
 def read_origin(data: bytes) -> Origin:

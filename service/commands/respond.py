@@ -32,6 +32,7 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
         "shape-concepts respond --model default --explain --top 3 mug.pcd",
         "shape-concepts respond --model default --json --segments mug.pcd",
         "shape-concepts respond --intrinsics 525,525,319.5,239.5 --mask mask.png depth.png",
+        "shape-concepts respond --model default --scene --top 3 table.pcd",
     )
 )
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
@@ -62,6 +63,7 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.option("--stimuli", is_flag=True, help="With --json: the stimuli vector as well.")
 @click.option("--explain", is_flag=True, help="Say why: segments, motif vertices that fired, nearest prototypes.")
 @click.option("--segments", is_flag=True, help="With --json: the segment of each point, -1 for none.")
+@click.option("--scene", is_flag=True, help="The clouds are whole scenes: answer each object on a table or a floor.")
 @json_option
 @store_option
 def respond(
@@ -77,16 +79,20 @@ def respond(
     stimuli: bool,
     explain: bool,
     segments: bool,
+    scene: bool,
     as_json: bool,
     store: str | None,
 ) -> None:
     """Answers clouds with the concepts they resemble.
 
-    Each cloud is that of one object, as a depth camera saw it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, a
-    PointCloud2 of ROS in CDR, a depth image (PNG or NPY) with --intrinsics, or - for standard input. Concepts are
-    listed best first, those at epsilon_max before those of other times; with --json, one line a cloud. A cloud that
-    cannot be answered does not keep the others from it, but the exit code is 1 at the end.
+    Each cloud is that of one object, as a depth camera saw it; with --scene, of a table or a floor with the objects
+    that stand on it. CLOUD is a PCD, PLY, XYZ, NPY, NPZ or JSON file, a PointCloud2 of ROS in CDR, a depth image (PNG
+    or NPY) with --intrinsics, or - for standard input. Concepts are listed best first, those at epsilon_max before
+    those of other times; with --json, one line a cloud. A cloud that cannot be answered does not keep the others from
+    it, but the exit code is 1 at the end.
     """
+    from service.scene_answer import SceneAnswer
+
     said = _said_of_clouds(unit, viewpoint, intrinsics, depth_scale)
     if mask and len(clouds) > 1:
         raise click.BadParameter("It belongs to one depth image; give one CLOUD.", param_hint="--mask")
@@ -99,12 +105,13 @@ def respond(
         for file in clouds:
             _report(file, error, as_json)
         sys.exit(1)
+    ask = application.respond_scene if scene else application.respond
     failed = 0
     for number, file in enumerate(clouds):
         try:
             cloud = said._replace(data=_read(file), name=file, mask=_read(mask) if mask else None)
             with watched(file, number, len(clouds), excuse=COMPILING) as on_stage:
-                answer = application.respond(
+                answer = ask(
                     cloud,
                     model=name,
                     version=version,
@@ -124,9 +131,13 @@ def respond(
         else:
             from service import tables
 
-            tables.show_answer(file, answer)
-            if answer.explanation:
-                tables.show_explanation(answer.explanation, partial(application.thumbnail, name, version))
+            thumbnail = partial(application.thumbnail, name, version)
+            if isinstance(answer, SceneAnswer):
+                tables.show_scene(file, answer, thumbnail)
+            else:
+                tables.show_answer(file, answer)
+                if answer.explanation:
+                    tables.show_explanation(answer.explanation, thumbnail)
     if failed:
         sys.exit(1)
 

@@ -89,6 +89,16 @@ def concepts_at(filtration: Filtration, time: float | None = None) -> Concepts:
     return Concepts(moment, size + last[ranked], count[ranked].astype(np.int64), place[component])
 
 
+def is_concept(filtration: Filtration, node: int) -> bool:
+    """Whether a node of the merge tree is a concept at some filtration time.
+
+    Of annexations at the same time, only the last one of each component makes a concept.
+    """
+    size = len(filtration.time) + 1
+    time = filtration.time[filtration.order == node - size]
+    return len(time) == 1 and node in concepts_at(filtration, float(time[0])).ids
+
+
 def spectrum_at(filtration: Filtration, time: float | None, scales: int) -> Spectrum:
     """The concepts to compare an object with.
 

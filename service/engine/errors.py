@@ -51,6 +51,10 @@ class DistantCloud(InvalidCloud):
     """The object lies so far from the sensor that its coordinates no longer tell its surface."""
 
 
+class NoSupportingPlane(InvalidCloud):
+    """The scene has no plane on which objects could stand."""
+
+
 class UnreadableCloud(ShapeConceptsError):
     """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
 
@@ -69,6 +73,10 @@ class RendererUnavailable(ShapeConceptsError):
 
 class ModelNotFound(ShapeConceptsError):
     """The store has no model, version or alias of that name."""
+
+
+class ConceptNotFound(ShapeConceptsError):
+    """The version of the model has no concept of that id, at any filtration time."""
 
 
 class ModelDamaged(ShapeConceptsError):

@@ -54,7 +54,7 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
     except TimeoutError:
         raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
     except ClientDisconnect:
-        raise Cancelled("The client hung up before its cloud had arrived.") from None
+        raise Cancelled("The client hung up before its request had arrived.") from None
 
 
 def _check_announced(request: Request, max_bytes: int) -> None:

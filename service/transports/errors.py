@@ -6,10 +6,12 @@ detail of a gRPC status, the payload of a zenoh error reply.
 
 from __future__ import annotations
 
+import re
 from typing import Any, NamedTuple
 
 from service.engine.errors import (
     Cancelled,
+    ConceptNotFound,
     InvalidCloud,
     InvalidParameter,
     JobNotFound,
@@ -62,6 +64,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     NotEnoughSamples: Status(422, "FAILED_PRECONDITION", "There are too few clouds to learn from"),
     RendererUnavailable: Status(503, "FAILED_PRECONDITION", "There is no renderer"),
     ModelNotFound: Status(404, "NOT_FOUND", "There is no such model"),
+    ConceptNotFound: Status(404, "NOT_FOUND", "There is no such concept"),
     ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
     ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
     StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
@@ -90,15 +93,19 @@ def problem(type_name: str, title: str, status: int, detail: str, request_id: st
         title: the kind of error in words.
         status: HTTP status code; the other transports send it as well.
         detail: what was wrong this time, and what to try.
-        request_id: names the occurrence, as it is logged; a UUID.
+        request_id: names the occurrence, as it is logged; a UUID, or what the client calls the request.
     """
     return {
         "type": f"urn:shape-concepts:error:{type_name}",
         "title": title,
         "status": status,
         "detail": detail,
-        "instance": f"urn:uuid:{request_id}",
+        "instance": f"urn:uuid:{request_id}" if _is_uuid(request_id) else f"urn:shape-concepts:request:{request_id}",
     }
+
+
+def _is_uuid(text: str) -> bool:
+    return re.fullmatch(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", text, re.IGNORECASE) is not None
 
 
 def problem_of(error: ShapeConceptsError, request_id: str) -> dict[str, Any]:

@@ -1,12 +1,14 @@
-"""Runs the benchmarks: `./run bench` the speeds, `./run bench quality` what each choice does to the quality."""
+"""Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives, `... scenes` whole scenes."""
 
 from __future__ import annotations
 
 import sys
 
-from tests.benchmarks import answer, quality
+from tests.benchmarks import answer, quality, scenes
 
 if sys.argv[1:2] == ["quality"]:
     quality.main(sys.argv[2:])
+elif sys.argv[1:2] == ["scenes"]:
+    scenes.main()
 else:
     answer.main()

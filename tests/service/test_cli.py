@@ -26,6 +26,7 @@ from service.model_file import encode
 from service.settings import Settings
 from service.store import ModelStore
 from tests.service.clouds.written import npy, png
+from tests.service.tabletop.seen import set_table
 
 
 @pytest.fixture
@@ -92,6 +93,26 @@ def test_an_answer_can_be_explained_to_programs_and_people(folder: Path, clouds:
     pictures = [line for line in said.splitlines() if line.startswith("│") and set(line) & set("%@#")]
     assert len(pictures) > 10
     assert "explanation" not in lines(run("respond", "--json", "good.ply"))[0]
+
+
+def test_the_objects_of_a_scene_are_answered_to_programs_and_people(folder: Path) -> None:
+    Path("table.ply").write_bytes(write_ply(set_table("kinect").cloud))
+    result = run("respond", "--scene", "--json", "--top", "1", "table.ply", "bad.ply", "table.ply")
+    assert result.exit_code == 1
+    first, bad, second = lines(result)
+    assert bad["error"]["type"] == "unreadable-cloud"
+    assert list(first)[:3] == ["file", "model", "version"]
+    assert first["objects"][0]["answer"]["responses"] == second["objects"][0]["answer"]["responses"]
+    assert len(first["objects"]) == 3
+    said = run("respond", "--scene", "--explain", "--top", "1", "table.ply").stdout
+    assert "3 objects" in said
+    for one in first["objects"]:
+        assert f"object {one['number']}" in said
+        assert ", ".join(f"{metres:.3f}" for metres in one["position_m"]) in said
+        assert f"{one['answer']['concepts'][0]['response']:.3f}" in said
+    for left in first["left_out"]:
+        assert left["detail"] in said
+    assert "motif vertices" in said
 
 
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
@@ -288,6 +309,8 @@ def test_every_example_of_the_help_runs(
     wedge = 700 + 3 * np.abs(np.arange(-40, 40)) + np.arange(60)[:, None]
     Path("depth.png").write_bytes(png(wedge.astype(np.uint16)))
     Path("mask.png").write_bytes(png(np.full(wedge.shape, 255, np.uint8)))
+    Path("table.pcd").write_bytes(write_ply(set_table().cloud))
+    Path("labels.csv").write_text("file,category\nmug.xyz,mug\n")
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:
@@ -310,6 +333,49 @@ def test_help_comes_without_loading_the_engine_or_the_server() -> None:
         "assert not loaded, loaded"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+class TestNames:
+    def test_a_name_is_given_listed_told_and_taken_away(self, folder: Path, model: ShapeModel) -> None:
+        concept = int(model.concepts().ids[0])
+        (given,) = lines(run("names", "set", "tiny", str(concept), " tea mug ", "--json"))
+        assert given == {"model": "tiny", "version": 1, "concept": concept, "name": "tea mug"}
+        assert "tea mug" in run("names", "list", "tiny").stdout
+        (listed,) = lines(run("names", "list", "tiny:1", "--json"))
+        assert listed["names"] == [{"concept": concept, "name": "tea mug"}]
+        (answer,) = lines(run("respond", "--json", "good.ply"))
+        assert {c["id"]: c["name"] for c in answer["concepts"]}[concept] == "tea mug"
+        assert f"Concept {concept} of tiny:1 has no name now" in run("names", "remove", "tiny", str(concept)).stdout
+        assert lines(run("names", "list", "tiny", "--json"))[0]["names"] == []
+
+    def test_names_are_proposed_from_labels_and_given_when_asked(self, folder: Path) -> None:
+        (folder / "labels.csv").write_text("file,category\ngood.ply,mug\nbad.ply,bowl\nnowhere.ply,bowl\n")
+        result = run("names", "propose", "tiny", "--labels", "labels.csv", "--json")
+        assert result.exit_code == 1
+        (proposed,) = lines(result)
+        assert [entry["name"] for entry in proposed["proposals"]] == ["mug"]
+        assert [entry["file"] for entry in proposed["left_out"]] == ["bad.ply", "nowhere.ply"]
+        assert lines(run("names", "list", "tiny", "--json"))[0]["names"] == []
+        (folder / "labels.csv").write_text("file,category,fine\ngood.ply,mug,x\n")
+        result = run("names", "propose", "tiny", "--labels", "labels.csv", "--apply")
+        assert (result.exit_code, "mug 1" in result.stdout) == (0, True)
+        assert [entry["name"] for entry in lines(run("names", "list", "tiny", "--json"))[0]["names"]] == ["mug"]
+
+    @pytest.mark.parametrize(
+        ("arguments", "code", "said"),
+        [
+            (["set", "tiny", "3", "mug"], 1, "no concept 3"),
+            (["set", "tiny", "14", "a\tb"], 1, "visible characters"),
+            (["set", "nobody", "14", "mug"], 1, "nobody"),
+            (["set", "tiny", "x", "mug"], 2, "CONCEPT"),
+            (["propose", "tiny", "--labels", "good.ply"], 1, "good.ply"),
+            (["propose", "tiny", "--labels", "bad.ply"], 1, "columns file and category"),
+            (["propose", "tiny", "--labels", "nowhere.csv"], 1, "nowhere.csv"),
+        ],
+    )
+    def test_what_is_wrong_is_said(self, folder: Path, arguments: list[str], code: int, said: str) -> None:
+        result = run("names", *arguments)
+        assert (result.exit_code, said in result.stderr) == (code, True), result.stderr
 
 
 def test_a_key_is_shown_once_and_its_secret_in_no_list(folder: Path) -> None:

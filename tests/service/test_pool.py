@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from service.engine.errors import Overloaded
+from service.engine.errors import Cancelled, Overloaded
 from service.pool import Intake, Pool
 
 
@@ -74,3 +74,72 @@ def test_an_intake_of_many_threads_ends_empty() -> None:
         list(threads.map(receive, range(80)))
     with intake.opened() as take:
         take(1000)
+
+
+async def never() -> bool:
+    return False
+
+
+class TestSeveralItems:
+    def test_results_come_in_the_order_of_the_items_and_all_places_are_given_back(self) -> None:
+        pool = Pool(workers=3, queue=0)
+
+        def work(item: int) -> int:
+            time.sleep(0.001 * (item % 3))
+            return item * item
+
+        for count in (0, 1, 2, 50):
+            with pool.admitted():
+                assert asyncio.run(pool.run_each(work, range(count), never)) == [item * item for item in range(count)]
+        with pool.admitted(), pool.admitted(), pool.admitted():
+            pass
+        pool.close()
+
+    def test_idle_threads_are_used_and_no_more(self) -> None:
+        pool = Pool(workers=3, queue=0)
+        together = threading.Barrier(3, timeout=5)
+        with pool.admitted():
+            asyncio.run(pool.run_each(lambda _: together.wait(), range(3), never))
+        pool.close()
+
+    def test_another_request_waits_for_one_item_only(self) -> None:
+        pool = Pool(workers=1, queue=1)
+        done: list[str] = []
+
+        def work(name: str) -> None:
+            time.sleep(0.02)
+            done.append(name)
+
+        async def both() -> None:
+            with pool.admitted():
+                batch = asyncio.create_task(pool.run_each(work, [f"item {number}" for number in range(10)], never))
+                await asyncio.sleep(0.01)
+                with pool.admitted():
+                    await pool.run(work, "other")
+                await batch
+
+        asyncio.run(both())
+        assert done.index("other") <= 2
+        pool.close()
+
+    def test_work_that_fails_gives_every_place_back(self) -> None:
+        pool = Pool(workers=2, queue=0)
+        with pytest.raises(ExceptionGroup), pool.admitted():
+            asyncio.run(pool.run_each(lambda item: 1 // (item - 5), range(10), never))
+        with pool.admitted(), pool.admitted():
+            pass
+        pool.close()
+
+    def test_what_nobody_waits_for_any_more_is_left_undone(self) -> None:
+        pool = Pool(workers=1, queue=0)
+        done: list[int] = []
+
+        async def abandoned() -> bool:
+            return len(done) == 3
+
+        with pytest.raises(Cancelled, match="3 of 10"), pool.admitted():
+            asyncio.run(pool.run_each(done.append, range(10), abandoned))
+        assert done == [0, 1, 2]
+        with pool.admitted():
+            pass
+        pool.close()

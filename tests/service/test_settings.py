@@ -33,8 +33,9 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
         "max_bodies": "4096",
         "body_timeout": "1.5",
         "body_pause": "0.5",
-        "max_batch": "8",
+        "max_batch": "7",
         "max_points": "1000",
+        "max_objects": "7",
         "loaded_models": "2",
         "log_level": "error",
     }

@@ -96,6 +96,33 @@ def test_an_alias_has_a_history_and_can_go_back_through_it(url: str, model: Shap
     assert store.aliases("tiny") == {"production": 1}
 
 
+def test_a_rollback_that_is_repeated_is_done_once(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    for _ in range(3):
+        publish(store, model)
+    assert [store.rollback("tiny", leaving=3) for _ in range(3)] == [2, 2, 2]
+    assert len(store.alias_history("tiny")) == 4
+    assert store.rollback("tiny", leaving=2) == 1
+    with pytest.raises(InvalidParameter, match="nothing before"):
+        store.rollback("tiny", leaving=1)
+    with pytest.raises(ModelNotFound, match="nobody"):
+        store.rollback("tiny", "nobody", leaving=1)
+
+
+def test_the_names_of_a_version_are_kept_beside_it(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    for _ in range(2):
+        publish(store, model)
+    first = store.concept_names("tiny", 1)
+    for number in range(12):
+        held = first.read()
+        assert first.change({20: f"mug {number}"}).changes == held.changes + 1
+        assert first.read(held) == first.read()
+    assert store.concept_names("tiny", 1).read().of == {20: "mug 11"}
+    assert store.concept_names("tiny", 2).read().of == {}
+    assert store.versions("tiny") == [1, 2]
+
+
 def test_references_are_resolved_by_the_documented_grammar(url: str, model: ShapeModel) -> None:
     store = ModelStore(url)
     publish(store, model)

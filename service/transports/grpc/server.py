@@ -83,6 +83,7 @@ def _options(max_body: int) -> list[tuple[str, int]]:
         ("grpc.max_send_message_length", -1),
         ("grpc.so_reuseport", 0),  # or a second process would share the port, and each get half the calls
         ("grpc.compression_enabled_algorithms_bitset", 1),  # none: a message is only measured when it is unpacked
+        ("grpc.http2.bdp_probe", 0),  # or up to megabytes of small clouds are let in that nobody works on yet
         ("grpc.keepalive_time_ms", KEEPALIVE),
         ("grpc.http2.min_ping_interval_without_data_ms", KEEPALIVE_LEAST),
     ]

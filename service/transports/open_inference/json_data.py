@@ -63,7 +63,7 @@ def cut_out(whole: bytes, end: int) -> Cut:
     length = start + end - stop
     if length > LONGEST:
         raise UnreadableCloud(
-            f"The JSON is {length} bytes long beside its list of numbers, more than {LONGEST}: send {_WHAT}, alone."
+            f"The JSON is {length} bytes long beside its list of numbers, more than {LONGEST}; {_WHAT}."
         )
     return Cut(whole[:start] + document + whole[stop:end], text, start, stop)
 

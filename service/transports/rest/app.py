@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
+from starlette.middleware.gzip import GZipMiddleware
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import access, health, models, problems, responses
+from service.transports.rest import access, batches, health, models, names, problems, responses
+from service.transports.rest.encodings import Decoding
+
+WORTHWHILE = 4096  # bytes of the smallest answer that is compressed for those who accept it
 
 
 def create_app(application: Application) -> FastAPI:
@@ -20,11 +24,15 @@ def create_app(application: Application) -> FastAPI:
         version=__version__,
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",
     )
+    app.add_middleware(Decoding)
+    app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
     problems.install(app)
     app.include_router(health.router(application))
     for module, entering in (
         (responses, access.needing(application, "answer")),
+        (batches, access.needing(application, "answer")),
         (models, access.reading(application, otherwise="manage")),
+        (names, access.reading(application, otherwise="manage")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

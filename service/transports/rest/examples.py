@@ -110,6 +110,44 @@ def _near(number: int, sha256: str, distance: float) -> dict[str, Any]:
     return {"object": number, "key": f"simulated/7/{number}", "hash": sha256, "distance": distance}
 
 
+SCENE_ANSWER: dict[str, Any] = {
+    "model": "default",
+    "version": 1,
+    "plane": {
+        "normal": [-0.00030798630718150235, -0.7657332370223112, -0.6431582347010473],
+        "offset_m": 0.643174485735153,
+        "sensor_height_m": 0.643174485735153,
+        "points": 57688,
+    },
+    "objects": [
+        {
+            "number": 0,
+            "position_m": [-0.1296537241900669, -0.01740117839930029, 0.8981995299410105],
+            "sensor_position_m": [-0.1296537241900669, -0.01740117839930029, 0.8981995299410105],
+            "distance_m": 0.9076753,
+            "box": {
+                "centre_m": [-0.1316, -0.0226, 0.9242],
+                "size_m": [0.07434138128848089, 0.0735279103386065, 0.12058290847554598],
+                "axes": [[0.8, -0.386, 0.459], [-0.6, -0.515, 0.612], [0.0, -0.766, -0.643]],
+            },
+            "height_m": [0.0029506458596488816, 0.12353355433519486],
+            "points": 2799,
+            "touches": [],
+            "hidden_by": [],
+            "at_border": None,
+            "beyond_edge": False,
+            "answer": ANSWER,
+            "error": None,
+        },
+    ],
+    "left_out": [
+        {"reason": "below", "detail": "below the plane, or behind it", "points": 982, "pieces": 0},
+        {"reason": "small", "detail": "too small or of too few points for an object", "points": 11, "pieces": 10},
+    ],
+    "warnings": [],
+    "timings_ms": {"decode": 9.412, "tabletop": 102.349, "normalise": 6.02, "responses": 1.113},
+}
+
 EXPLANATION: dict[str, Any] = {
     "segments": [
         {

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import re
+import time
 import uuid
 from http import HTTPStatus
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
@@ -22,6 +27,7 @@ from service.transports.rest import examples
 log = logging.getLogger(__name__)
 
 REQUEST_ID = "X-Request-ID"
+_ACCEPTED_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")  # harmless in a header, a line of a log and a URN
 
 
 class Refusal(NamedTuple):
@@ -33,12 +39,14 @@ class Refusal(NamedTuple):
 
 
 REFUSALS = {
+    400: Refusal("unreadable-body", "The body cannot be read", "{detail}"),
     404: Refusal(
         "not-found", "There is nothing here", "There is nothing at {path}; /openapi.json lists what there is."
     ),
     405: Refusal("method-not-allowed", "The method is not allowed", "{path} does not take {method}."),
     408: Refusal("request-timeout", "The request took too long to arrive", "{detail}"),
     413: Refusal("content-too-large", "The body is too large", "{detail}"),
+    415: Refusal("unsupported-encoding", "The encoding of the body is not supported", "{detail}"),
 }
 
 
@@ -61,7 +69,8 @@ def documented(example: dict[str, Any], *statuses: int) -> dict[int | str, dict[
         example: of the answer when all goes well.
         statuses: of the errors that may occur.
     """
-    return {200: {"content": {"application/json": {"example": example}}}} | refused(*statuses)
+    # As text: of a document the framework would leave out whatever is null.
+    return {200: {"content": {"application/json": {"example": json.dumps(example)}}}} | refused(*statuses)
 
 
 def refused(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -81,6 +90,7 @@ def install(app: FastAPI) -> None:
     def describe_with_problems() -> dict[str, Any]:
         description = describe()
         description["components"]["schemas"]["Problem"] = Problem.model_json_schema()
+        _read_examples(description["paths"])
         return description
 
     app.openapi = describe_with_problems  # type: ignore[method-assign] # as FastAPI's documentation has it
@@ -90,8 +100,21 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _validation)
 
 
+def _read_examples(paths: dict[str, Any]) -> None:
+    """Puts examples of answers that were given as text in its place."""
+    for operations in paths.values():
+        for operation in operations.values():
+            for answer in operation["responses"].values():
+                for content in answer.get("content", {}).values():
+                    if isinstance(content.get("example"), str):
+                        content["example"] = json.loads(content["example"])
+
+
 class _Guard:
-    """Gives each request an id, by which its answer and the log can be brought together, and answers our own faults."""
+    """Gives each request an id, its own or a new one, logs it with that, and answers our own faults.
+
+    The id brings the request, its answer, the log, and what the client and proxies on the way logged together.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -99,26 +122,36 @@ class _Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        request_id = str(uuid.uuid4())
+        given = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = given if _ACCEPTED_ID.fullmatch(given) else str(uuid.uuid4())
         scope.setdefault("state", {})["id"] = request_id
-        begun = False
+        status: int | None = None
+        began = time.perf_counter()
 
         async def send_named(message: Message) -> None:
-            nonlocal begun
-            begun = True
+            nonlocal status
             if message["type"] == "http.response.start":
+                status = message["status"]
                 MutableHeaders(scope=message)[REQUEST_ID] = request_id
             await send(message)
 
         try:
             await self._app(scope, receive, send_named)
         except Exception as error:
-            if begun:
+            if status is not None:
                 raise
-            log.error("%s %s: unexpected", request_id, scope["path"], exc_info=error)
+            log.error("%s %s: unexpected", request_id, _quoted(scope["path"]), exc_info=error)
             detail = "The service failed unexpectedly; its log says more under the id of this request."
             document = errors.problem("internal", errors.INTERNAL.title, 500, detail, request_id)
             await _answer(document, {})(scope, receive, send_named)
+        finally:
+            took = (time.perf_counter() - began) * 1000
+            log.info("%s %s %s: %s in %.1f ms", request_id, scope["method"], _quoted(scope["path"]), status, took)
+
+
+def _quoted(path: str) -> str:
+    """A path as it was sent, percent-encoded: a line break in it begins no line of the log."""
+    return quote(path, safe="/:@")
 
 
 async def _ours(request: Request, error: Exception) -> Response:
@@ -126,9 +159,9 @@ async def _ours(request: Request, error: Exception) -> Response:
     status = errors.status_of(error)
     document = errors.problem_of(error, request.state.id)
     if status.http >= 500:
-        log.error("%s %s: %s: %s", request.state.id, request.url.path, error.type_name(), error)
+        log.error("%s %s: %s: %s", request.state.id, _quoted(request.url.path), error.type_name(), error)
     elif isinstance(error, Cancelled):
-        log.info("%s %s: %s", request.state.id, request.url.path, error)
+        log.info("%s %s: %s", request.state.id, _quoted(request.url.path), error)
     headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
     return _answer(document, headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {}))
 
@@ -141,7 +174,17 @@ async def _http(request: Request, error: Exception) -> Response:
     )
     detail = refusal.detail.format(path=request.url.path, method=request.method, detail=error.detail)
     document = errors.problem(refusal.name, refusal.title, error.status_code, detail, request.state.id)
-    return _answer(document, dict(error.headers or {}))
+    headers = dict(error.headers or {})
+    if error.status_code == 405 and (methods := _methods(request)):
+        headers = {"Allow": ", ".join(methods)}  # the framework tells those of one operation only
+    return _answer(document, headers)
+
+
+def _methods(request: Request) -> list[str]:
+    """The methods that the path of a request takes."""
+    paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
+    matching = [operations for path, operations in paths.items() if compile_path(path)[0].match(request.url.path)]
+    return sorted({method.upper() for operations in matching for method in operations})
 
 
 async def _validation(request: Request, error: Exception) -> Response:

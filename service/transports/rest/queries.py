@@ -2,11 +2,68 @@
 
 from __future__ import annotations
 
-from fastapi import Request
-from fastapi.routing import APIRoute
+from typing import Annotated
 
+from fastapi import Path, Query, Request
+from fastapi.routing import APIRoute
+from pydantic import WithJsonSchema
+
+from service.clouds import UNITS
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter
+from service.model_file import NAME
+
+ModelQuery = Annotated[
+    str | None,
+    Query(max_length=200, description="NAME, NAME@ALIAS or NAME:VERSION; by default the only model of the store"),
+]
+VersionQuery = Annotated[int | None, Query(ge=1, le=99_999_999, description="version of the model")]
+AliasQuery = Annotated[str | None, Query(max_length=63, description="alias of the model's version")]
+TimeQuery = Annotated[
+    float | None,
+    Query(
+        ge=0,
+        le=1,
+        description="filtration time of all concepts: 0 specific, 1 generic; by default those at the model's "
+        "epsilon_max come first and the specific and generic ones of other times follow",
+    ),
+]
+TopQuery = Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")]
+_NUMBER = r"-?[0-9]+(\.[0-9]+)?(e-?[0-9]{1,2})?"
+_POSE = f"^{_NUMBER}(,{_NUMBER}){{2}}((,{_NUMBER}){{4}})?$"
+UnitQuery = Annotated[
+    Annotated[str, WithJsonSchema({"type": "string", "enum": list(UNITS)})] | None,
+    Query(description="of the coordinates; by default the file's own, or metres"),
+]
+ViewpointQuery = Annotated[
+    Annotated[str, WithJsonSchema({"type": "string", "pattern": _POSE})] | None,
+    Query(
+        max_length=300,
+        description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
+        examples=["0.0,-0.4,-0.9"],
+    ),
+]
+
+Name = Annotated[str, Path(pattern=f"^{NAME}$", max_length=63, description="of the model", examples=["default"])]
+Reference = Annotated[
+    str,
+    Path(
+        pattern=f"^{NAME}(@{NAME}|:[0-9]{{1,8}})?$",
+        max_length=127,
+        description="NAME, NAME@ALIAS or NAME:VERSION; NAME means NAME@production",
+        examples=["default", "default@staging", "default:1"],
+    ),
+]
+Qualified = Annotated[
+    str,
+    Path(
+        pattern=f"^{NAME}(@{NAME}|:[0-9]{{1,8}})$",
+        max_length=127,
+        description="NAME:VERSION, or NAME@ALIAS",
+        examples=["default:2", "default@staging"],
+    ),
+]
+Version = Annotated[int, Path(ge=1, le=99_999_999, description="of the model", examples=[1])]
 
 
 async def known_only(request: Request) -> None:

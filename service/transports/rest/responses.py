@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS, parse_camera
+from service.scene_answer import SceneAnswer
 from service.transports.arriving import limits_of
 from service.transports.rest import examples
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
+from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import documented
-from service.transports.rest.queries import known_only
+from service.transports.rest.queries import (
+    AliasQuery,
+    ModelQuery,
+    TimeQuery,
+    TopQuery,
+    UnitQuery,
+    VersionQuery,
+    ViewpointQuery,
+    known_only,
+)
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
@@ -74,7 +85,9 @@ _BODY = {
 
 _ANSWERS = {
     "plain": {"value": examples.ANSWER},
-    "explain=true": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+    "detail=responses,explanation": {"value": examples.ANSWER | {"explanation": examples.EXPLANATION}},
+    "detail=concepts": {"value": {k: v for k, v in examples.ANSWER.items() if k not in ("responses", "distances")}},
+    "scene=true": {"value": examples.SCENE_ANSWER},
 }
 
 
@@ -90,40 +103,18 @@ def router(application: Application) -> APIRouter:
             **documented(examples.ANSWER, 400, 404, 408, 413, 415, 422, 429, 500, 503),
             200: {"content": {"application/json": {"examples": _ANSWERS}}},
         },
+        response_model=Answer | SceneAnswer,
         openapi_extra={"requestBody": _BODY},
     )
     async def respond(
         request: Request,
-        model: Annotated[
-            str | None,
-            Query(
-                max_length=200, description="NAME, NAME@ALIAS or NAME:VERSION; by default the only model of the store"
-            ),
-        ] = None,
-        version: Annotated[int | None, Query(ge=1, le=99_999_999, description="version of the model")] = None,
-        alias: Annotated[str | None, Query(max_length=63, description="alias of the model's version")] = None,
-        time: Annotated[
-            float | None,
-            Query(
-                ge=0,
-                le=1,
-                description="filtration time of all concepts: 0 specific, 1 generic; by default those at the model's "
-                "epsilon_max come first and the specific and generic ones of other times follow",
-            ),
-        ] = None,
-        top: Annotated[int | None, Query(ge=1, description="how many concepts are listed; by default all")] = None,
-        unit: Annotated[
-            str | None,
-            Query(description=f"of the coordinates: {', '.join(UNITS)}; by default the file's own, or metres"),
-        ] = None,
-        viewpoint: Annotated[
-            str | None,
-            Query(
-                max_length=300,
-                description="pose of the sensor in the cloud's frame and unit: x,y,z or x,y,z,qw,qx,qy,qz",
-                examples=["0.0,-0.4,-0.9"],
-            ),
-        ] = None,
+        model: ModelQuery = None,
+        version: VersionQuery = None,
+        alias: AliasQuery = None,
+        time: TimeQuery = None,
+        top: TopQuery = None,
+        unit: UnitQuery = None,
+        viewpoint: ViewpointQuery = None,
         intrinsics: Annotated[
             str | None,
             Query(
@@ -139,29 +130,48 @@ def router(application: Application) -> APIRouter:
                 description="metres that a depth of 1 stands for; by default 0.001 for whole numbers and 1 for floats",
             ),
         ] = None,
-        stimuli: Annotated[bool, Query(description="whether the answer has the stimuli vector as well")] = False,
-        explain: Annotated[bool, Query(description="whether the answer says why it is what it is")] = False,
-        segments: Annotated[
-            bool, Query(description="whether the answer says of each point sent to which segment it belongs")
+        detail: DetailQuery = None,
+        stimuli: Annotated[
+            bool, Query(description="whether the answer has the stimuli vector as well, as `detail=stimuli`")
         ] = False,
-    ) -> Answer:
-        """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts."""
-        pose = parse_viewpoint(viewpoint) if viewpoint else None
+        explain: Annotated[
+            bool, Query(description="whether it says why it is what it is, as `detail=explanation`")
+        ] = False,
+        segments: Annotated[
+            bool,
+            Query(description="whether it says of each point sent to which segment it belongs, as `detail=segments`"),
+        ] = False,
+        scene: Annotated[
+            bool,
+            Query(
+                description="whether the cloud is a whole scene: the largest plane that something stands on and the "
+                "objects on it are found, and each object has its own answer, with its place and size"
+            ),
+        ] = False,
+    ) -> Response:
+        """Describes the cloud of one object, seen from the origin along +z, and compares it with learned concepts.
+
+        With `scene=true` it does so for each object that stands on a table, a floor or another plane.
+        """
+        pose = None if viewpoint is None else parse_viewpoint(viewpoint)
+        parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         camera = parse_camera(intrinsics, depth_scale)
         with application.intake.opened() as take:
             data, format, name, mask = await receive_cloud(request, limits, take)
             with application.pool.admitted():
-                return await application.pool.run(
-                    application.respond,
+                answer = await application.pool.run(
+                    application.respond_scene if scene else application.respond,
                     CloudFile(data, format, name, unit, pose, camera, mask),
                     model=model,
                     version=version,
                     alias=alias,
                     time=time,
                     top=top,
-                    stimuli=stimuli,
-                    explain=explain,
-                    segments=segments,
+                    stimuli=parts.stimuli,
+                    explain=parts.explanation,
+                    segments=parts.segments,
                 )
+                left_out: Any = {"objects": {"__all__": {"answer": parts.exclude()}}} if scene else parts.exclude()
+                return await application.pool.run(as_json, answer, left_out)
 
     return routes

@@ -10,6 +10,7 @@ from service.engine.concepts import (
     Concepts,
     Spectrum,
     concepts_at,
+    is_concept,
     rank_concepts,
     respond_to_concepts,
     spectrum_at,
@@ -353,3 +354,11 @@ def test_ranks_of_one_time_are_those_of_the_responses():
     responses = np.random.default_rng(0).random(len(concepts.sizes))
     ranking = rank_concepts(responses, spectrum_at(filtration(5, 40), 0.5, 10))
     assert np.array_equal(ranking, np.argsort(responses))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_nodes_that_are_concepts_are_those_of_some_time(seed: int) -> None:
+    f = filtration(seed, 20, steps=6)
+    nodes = {int(node) for time in f.time for node in concepts_at(f, time).ids}
+    assert {node for node in range(-2, 42) if is_concept(f, node)} == nodes
+    assert len(nodes) < 19

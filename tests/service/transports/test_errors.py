@@ -44,7 +44,7 @@ def test_a_problem_document_names_the_error_and_the_occurrence() -> None:
         "title": "The cloud cannot be answered",
         "status": 422,
         "detail": "The cloud has 3 points.",
-        "instance": "urn:uuid:some-id",
+        "instance": "urn:shape-concepts:request:some-id",
     }
 
 

@@ -183,6 +183,29 @@ def test_a_stream_that_is_not_answered_holds_the_client_back(
     assert all(response.HasField("answer") for response in responses)
 
 
+def test_a_client_is_held_back_even_if_its_clouds_are_small(
+    held_stub: Stub, held: Held, clouds: list[PointCloud]
+) -> None:
+    """As a live stream goes: what is sent is not seconds old when it is worked on."""
+    small = PointCloud(clouds[0].points[::10])
+    file, sent = CloudFile(data=write_ply(small)), []
+
+    def requests() -> Iterator[RespondStreamRequest]:
+        for number in range(1000):
+            file.name = HELD if number == 200 else ""
+            sent.append(number)
+            yield RespondStreamRequest(sequence=number, cloud=Cloud(file=file), options=Options(top=1))
+
+    call = held_stub.RespondStream(requests())
+    for number in range(200):
+        assert next(call).sequence == number
+        assert len(sent) - number < 40
+    assert held.held.acquire(timeout=20)
+    time.sleep(0.5)
+    assert len(sent) < 240
+    call.cancel()
+
+
 def test_models_are_listed_and_told(stub: Stub, client: httpx.Client) -> None:
     (summary,) = stub.ListModels(ListModelsRequest()).models
     assert (summary.name, list(summary.versions), dict(summary.aliases)) == ("tiny", [1], {"production": 1})

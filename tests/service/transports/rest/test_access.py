@@ -91,3 +91,27 @@ def test_the_description_says_where_a_key_is_needed(guarded: httpx.Client) -> No
 
 def test_where_everybody_may_ask_a_key_does_no_harm(client: httpx.Client) -> None:
     assert client.get("/v1/models", headers=bearing("sc_wrong")).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "scope"),
+    [
+        ("POST", "/v1/responses/batch", "answer"),
+        ("GET", "/v1/models/tiny/concepts", "answer"),
+        ("GET", "/v1/models/tiny/names", "answer"),
+        ("POST", "/v1/models/tiny:1/promote", "manage"),
+        ("POST", "/v1/models/tiny/rollback?leaving=9", "manage"),
+        ("PUT", "/v1/models/tiny/concepts/14/name", "manage"),
+        ("DELETE", "/v1/models/tiny/concepts/14/name", "manage"),
+        ("POST", "/v1/models/tiny/names/propose?apply=true", "manage"),
+    ],
+)
+def test_who_may_have_answers_may_read_and_only_who_manages_may_alter(
+    guarded: httpx.Client, settings: Settings, method: str, path: str, scope: str
+) -> None:
+    keys = KeyStore(settings.store)
+    sent = {name: bearing(keys.create(name, (name,)).text) for name in ("answer", "manage")}
+    status = {name: guarded.request(method, path, headers=headers).status_code for name, headers in sent.items()}
+    other = next(name for name in sent if name != scope)
+    assert status[scope] not in (401, 403)
+    assert status[other] == 403

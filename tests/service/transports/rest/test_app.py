@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import jsonschema
 import pytest
 
 from service.application import Application, ModelSummary
+from service.engine.model import ShapeModel
 from service.settings import Settings
 
 
@@ -117,7 +119,7 @@ def contents(description: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, 
     for path, operations in description["paths"].items():
         for method, operation in operations.items():
             for status, answer in operation["responses"].items():
-                for media_type, content in answer["content"].items():
+                for media_type, content in answer.get("content", {}).items():
                     if media_type != "image/png":
                         assert media_type == ("application/json" if status == "200" else "application/problem+json")
                         yield f"{method} {path}", status, content
@@ -139,47 +141,59 @@ def test_every_answer_is_described_with_an_example_that_fits_its_schema(client: 
     for status in ("200", "400", "404", "408", "413", "415", "422", "429", "500", "503"):
         assert ("post /v1/responses", status) in seen
     assert {operation for operation, _ in seen} == {
-        "post /v1/responses",
-        "get /v1/models",
-        "get /v1/models/{name}/versions/{version}",
-        "get /v1/models/{name}/versions/{version}/objects/{number}.png",
-        "get /healthz",
-        "get /readyz",
+        f"{method} {path}" for path, operations in description["paths"].items() for method in operations
     }
 
 
-def test_the_clouds_that_are_shown_fit_their_schemas(client: httpx.Client) -> None:
-    body = client.get("/openapi.json").json()["paths"]["/v1/responses"]["post"]["requestBody"]["content"]
-    shown = {media_type for media_type, content in body.items() if "example" in content}
-    assert shown == {"text/plain", "application/json"}
-    for media_type in shown:
-        jsonschema.validate(body[media_type]["example"], body[media_type]["schema"])
-    for wrong in ({}, {"points": [[1, 2]]}, [1, 2, 3], {"points": [], "unit": "mile"}, {"points": [], "x": 1}):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(wrong, body["application/json"]["schema"])
+def test_what_is_so_still_is_described_wherever_a_tag_is_given(client: httpx.Client) -> None:
+    for path, operations in client.get("/openapi.json").json()["paths"].items():
+        for method, operation in operations.items():
+            conditional = "If-None-Match".lower() in {p["name"].lower() for p in operation.get("parameters", [])}
+            assert (
+                conditional
+                == ("304" in operation["responses"])
+                == (method == "get" and "v1" in path[:4] and "png" not in path)
+            )
 
 
 def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
-    told = ("Explanation", "SeenSegment", "FiredVertex", "NearConcept", "Likeness")
-    for name in ("Answer", "Concept", "Stimuli", "Manifest", "Problem", "Readiness", "ModelSummary", *told):
-        for field, schema in description["components"]["schemas"][name]["properties"].items():
-            assert schema.get("description"), f"{name}.{field}"
+    for name, described in description["components"]["schemas"].items():
+        for field, schema in described.get("properties", {}).items():
+            assert schema.get("description") or "$ref" in schema, f"{name}.{field}"
     for operations in description["paths"].values():
         for operation in operations.values():
             for parameter in operation.get("parameters", []):
                 assert parameter["description"], parameter["name"]
 
 
-def test_real_answers_fit_the_description(client: httpx.Client) -> None:
+HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names")
+
+
+def test_real_answers_fit_the_description(client: httpx.Client, application: Application, model: ShapeModel) -> None:
+    application.store.publish(model, name="tiny", seed=7, source={}, alias=None)
     description = client.get("/openapi.json").json()
     example = description["paths"]["/v1/responses"]["post"]["requestBody"]["content"]["text/plain"]["example"]
+    v1 = "/v1/models/{model}"
+    node = client.get("/v1/models/tiny/concepts").json()["concepts"][0]["id"]
+    name = f"/v1/models/tiny/concepts/{node}/name"
+    files = [("cloud", ("box.xyz", example)), ("cloud", ("torn.ply", b"ply\n"))]
+    detail = {"detail": ["responses,stimuli", "explanation", "segments"]}
     asked = {
-        "post /v1/responses": client.post(
-            "/v1/responses", content=example, params={"stimuli": True, "explain": True, "segments": True}
-        ),
+        "post /v1/responses": client.post("/v1/responses", content=example, params=detail),
+        "post /v1/responses/batch": client.post("/v1/responses/batch", files=files, params={"detail": "concepts"}),
         "get /v1/models": client.get("/v1/models"),
         "get /v1/models/{name}/versions/{version}": client.get("/v1/models/tiny/versions/1"),
+        f"put {v1}/concepts/{{concept}}/name": client.put(name, json={"name": "box"}),
+        f"post {v1}/names/propose": client.post(
+            "/v1/models/tiny/names/propose", files=files, data={"label": ["box", "mug"]}
+        ),
+        **{f"get {v1}{path}": client.get(f"/v1/models/tiny{path}") for path in ("", *HELD)},
+        f"get {v1}/concepts/{{concept}}/name": client.get(name),
+        f"delete {v1}/concepts/{{concept}}/name": client.delete(name),
+        "get /v1/models/{name}/aliases": client.get("/v1/models/tiny/aliases"),
+        f"post {v1}/promote": client.post("/v1/models/tiny:2/promote"),
+        "post /v1/models/{name}/rollback": client.post("/v1/models/tiny/rollback?leaving=2"),
         "get /healthz": client.get("/healthz"),
         "get /readyz": client.get("/readyz"),
     }
@@ -188,3 +202,46 @@ def test_real_answers_fit_the_description(client: httpx.Client) -> None:
             assert asked[operation].status_code == 200
             schema = {**content["schema"], "components": description["components"]}
             jsonschema.validate(asked[operation].json(), schema)
+
+
+def logged(caplog: pytest.LogCaptureFixture, word: str) -> list[str]:
+    """Lines of the interface's log that have a word; they are written when the answer is sent."""
+    began = time.monotonic()
+    while time.monotonic() - began < 5:
+        records = [record for record in caplog.records if record.name.startswith("service.transports")]
+        if lines := [record.message for record in records if word in record.message]:
+            return lines
+        time.sleep(0.01)
+    raise AssertionError(f"nothing logged with {word}")
+
+
+class TestRequestIds:
+    UUID = "7f1c3bd2-5b39-4cb8-a5a8-6f0c2f1e9d10"
+
+    @pytest.mark.parametrize("given", [UUID, "robot-7.42", "01J9ZK3V5T8Y2M4N6P7Q8R9S0T"])
+    def test_the_clients_own_is_in_the_answer_the_problem_and_the_log(
+        self, client: httpx.Client, caplog: pytest.LogCaptureFixture, given: str
+    ) -> None:
+        with caplog.at_level(logging.INFO):
+            response = client.post("/v1/responses", content=b"", headers={"x-request-id": given})
+        assert response.headers["x-request-id"] == given
+        assert response.json()["instance"].endswith(f":{given}")
+        assert response.json()["instance"].startswith("urn:uuid:" if given == self.UUID else "urn:shape-concepts:")
+        assert logged(caplog, given)[0].endswith("ms")
+        assert client.get("/healthz", headers={"x-request-id": given}).headers["x-request-id"] == given
+
+    @pytest.mark.parametrize("given", ["", "x" * 129, "a b", "-x", "<script>", "a\tb", "ä".encode()])
+    def test_what_would_do_harm_in_a_log_is_replaced(self, client: httpx.Client, given: str | bytes) -> None:
+        made = client.get("/healthz", headers={"x-request-id": given}).headers["x-request-id"]
+        assert re.fullmatch(r"[0-9a-f-]{36}", made)
+
+    def test_a_path_begins_no_line_of_the_log(self, client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
+        with caplog.at_level(logging.INFO):
+            client.get("/v1/%0aroot%20logged%20in")
+        assert "\n" not in logged(caplog, "root")[0]
+
+
+def test_a_method_that_is_not_allowed_is_told_all_that_are(client: httpx.Client) -> None:
+    for path, allowed in (("/v1/models/tiny/concepts/9/name", "DELETE, GET, PUT"), ("/docs", "GET")):
+        refused = client.request("PATCH", path)
+        assert (refused.status_code, allowed in refused.headers["allow"]) == (405, True)

@@ -7,16 +7,19 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
+import jsonschema
 import numpy as np
 import pytest
 
-from service.application import Application
+from service.application import Application, CloudFile
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.engine.errors import ShapeConceptsError
 from service.engine.model import ShapeModel
 from service.transports.rest import examples
 from tests.service.clouds.written import npy, png, pointcloud2
+from tests.service.tabletop.seen import block, set_table
+from tests.shapes import cloud_of
 
 
 def answer_of(response: httpx.Response) -> dict[str, Any]:
@@ -35,6 +38,39 @@ def test_the_answer_over_http_is_that_of_the_application(
         expected = json.loads(application.respond(cloud, stimuli=True).model_dump_json(exclude={"timings_ms"}))
         response = client.post("/v1/responses", params={"stimuli": True}, content=write_ply(cloud))
         assert answer_of(response) == expected
+
+
+def test_the_objects_of_a_scene_over_http_are_those_of_the_application(
+    client: httpx.Client, application: Application
+) -> None:
+    data = write_ply(set_table("kinect").cloud)
+    assert len(data) < application.settings.max_body
+    expected = application.respond_scene(CloudFile(data), segments=True, top=2)
+    params = {"scene": "true", "segments": "true", "top": 2}
+    answer = client.post("/v1/responses", params=params, content=data).json()
+    assert without_timings(answer) == without_timings(json.loads(expected.model_dump_json()))
+    assert len(answer["objects"]) == 3
+    description = client.get("/openapi.json").json()
+    schema = {"$ref": "#/components/schemas/SceneAnswer", "components": description["components"]}
+    jsonschema.validate(answer, schema)
+    content = description["paths"]["/v1/responses"]["post"]["responses"]["200"]["content"]["application/json"]
+    jsonschema.validate(content["examples"]["scene=true"]["value"], schema)
+    assert client.post("/v1/responses", params={"scene": "false"}, content=data).json()["responses"]
+
+
+def without_timings(told: Any) -> Any:
+    if isinstance(told, dict):
+        return {key: without_timings(value) for key, value in told.items() if key != "timings_ms"}
+    return [without_timings(each) for each in told] if isinstance(told, list) else told
+
+
+def test_a_scene_without_a_plane_is_a_problem_that_says_what_to_send(
+    client: httpx.Client, clouds: list[PointCloud]
+) -> None:
+    lone = cloud_of(block((0, 0, 1), (0.04, 0.04, 0.04)))
+    response = client.post("/v1/responses", params={"scene": "true"}, content=write_ply(lone))
+    assert (response.status_code, response.json()["type"]) == (422, "urn:shape-concepts:error:no-supporting-plane")
+    assert "scene=true" in response.json()["detail"]
 
 
 def test_a_cloud_may_come_as_body_or_form_in_any_format(client: httpx.Client, clouds: list[PointCloud]) -> None:
@@ -135,6 +171,31 @@ def test_an_answer_explains_itself_and_segments_every_point_when_it_is_asked_to(
         assert set(answer) - set(plain) == {"explanation", "point_segments"}
 
 
+@pytest.mark.parametrize(
+    ("params", "parts"),
+    [
+        ({}, {"responses", "distances"}),
+        ({"detail": "concepts"}, set()),
+        ({"detail": "responses"}, {"responses", "distances"}),
+        ({"detail": "stimuli"}, {"stimuli"}),
+        ({"detail": ["stimuli", "explanation"]}, {"stimuli", "explanation"}),
+        ({"detail": "concepts, segments"}, {"point_segments"}),
+        ({"detail": ["responses,stimuli", "segments"]}, {"responses", "distances", "stimuli", "point_segments"}),
+        ({"stimuli": True, "segments": True}, {"responses", "distances", "stimuli", "point_segments"}),
+        ({"detail": "concepts", "explain": True}, {"explanation"}),
+    ],
+)
+def test_detail_says_which_parts_an_answer_has_beside_the_ranked_concepts(
+    client: httpx.Client, application: Application, clouds: list[PointCloud], params: dict[str, Any], parts: set[str]
+) -> None:
+    whole = json.loads(application.respond(clouds[0], stimuli=True, explain=True, segments=True).model_dump_json())
+    answer = answer_of(client.post("/v1/responses", params=params, content=write_ply(clouds[0])))
+    optional = {"responses", "distances", "stimuli", "explanation", "point_segments"}
+    assert optional & set(answer) == parts
+    assert set(whole) - set(answer) == optional - parts | {"timings_ms"}
+    assert answer == {key: whole[key] for key in answer}
+
+
 def test_points_that_were_not_measured_keep_their_places(client: httpx.Client, clouds: list[PointCloud]) -> None:
     """As an organised cloud has them: a row of NaN wherever nothing returned."""
     lines = as_xyz(clouds[0]).splitlines(keepends=True)
@@ -211,6 +272,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("another message", 415, "unsupported-format", {**XYZ, "headers": {"content-type": "application/cdr; type=Image"}}),
     ("no message", 400, "unreadable-cloud", {**XYZ, "headers": {"content-type": "application/cdr"}}),
     ("unknown content", 415, "unsupported-format", {"content": b"\x00\x01\x02"}),
+    ("a scene without a table", 422, "no-supporting-plane", {"content": b"1 1 1\n" * 200, "params": {"scene": 1}}),
     ("another format", 400, "unreadable-cloud", {"content": b"ply\n", "headers": {"content-type": "model/x-pcd"}}),
     ("a form without the field", 400, "unreadable-cloud", {"files": {"scan": b"x"}}),
     ("a form with text in the field", 400, "unreadable-cloud", {"data": {"cloud": "x"}, "files": {"scan": b"x"}}),
@@ -224,6 +286,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a contradiction", 422, "invalid-parameter", {**XYZ, "params": {"model": "tiny:1", "version": 1}}),
     ("a time of 2", 422, "invalid-parameter", {**XYZ, "params": {"time": 2}}),
     ("a time of NaN", 422, "invalid-parameter", {**XYZ, "params": {"time": "nan"}}),
+    ("an unknown detail", 422, "invalid-parameter", {**XYZ, "params": {"detail": "concepts,all"}}),
     ("half an explanation", 422, "invalid-parameter", {**XYZ, "params": {"explain": "half"}}),
     ("two segments", 422, "invalid-parameter", {**XYZ, "params": {"segments": 2}}),
     ("no concepts", 422, "invalid-parameter", {**XYZ, "params": {"top": 0}}),
@@ -231,6 +294,7 @@ REFUSED: list[tuple[str, int, str, dict[str, Any]]] = [
     ("a misspelt parameter", 422, "invalid-parameter", {**XYZ, "params": {"toop": 1}}),
     ("version x", 422, "invalid-parameter", {**XYZ, "params": {"version": "x"}}),
     ("an unknown unit", 422, "invalid-parameter", {**XYZ, "params": {"unit": "furlong"}}),
+    ("no viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": ""}}),
     ("half a viewpoint", 422, "invalid-parameter", {**XYZ, "params": {"viewpoint": "1,2"}}),
     ("a body too large", 413, "content-too-large", {"content": bytes(2**20 + 1)}),
 ]  # fmt: skip
@@ -267,6 +331,8 @@ def test_a_misspelt_parameter_is_told_those_that_exist(client: httpx.Client) -> 
         "stimuli",
         "explain",
         "segments",
+        "scene",
+        "detail",
     ):
         assert f" {name}" in detail
     listed = client.get("/v1/models", params={"name": "tiny"})
