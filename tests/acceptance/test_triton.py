@@ -146,6 +146,8 @@ def test_every_call_is_answered_as_over_rest(python: str, service: Service) -> N
     found = json.loads(done.stdout)
     plain = service.answer(stimuli=True)
     other = service.answer(1000, time=0.3, top=2, unit="mm", viewpoint="0,0,-100")
+    for told in found["packed"]:
+        check_plain(told, plain)
     for wire in ("http", "grpc"):
         said = found[wire]
         assert [said[name] for name in ("live", "ready", "model_ready", "version_ready")] == [True] * 4

@@ -103,8 +103,12 @@ def main() -> None:
     cloud = np.load(file)
     patience = {"network_timeout": 60.0, "connection_timeout": 60.0}
     ways = [{"binary_data": True}, {"binary_data": False}]
+    client = over_http.InferenceServerClient(http, **patience)
+    packed = {"request_compression_algorithm": "gzip", "response_compression_algorithm": "deflate"}
+    other_packed = {"request_compression_algorithm": "deflate", "response_compression_algorithm": "gzip"}
     found = {
-        "http": calls(over_http.InferenceServerClient(http, **patience), over_http, cloud, ways, ways),
+        "packed": [told(client.infer("tiny", [input_of(over_http, cloud)], **each)) for each in (packed, other_packed)],
+        "http": calls(client, over_http, cloud, ways, ways),
         "grpc": calls(over_grpc.InferenceServerClient(grpc), over_grpc, cloud, [{}], [{}]),
         "http_at_once": asyncio.run(at_once_over_http(http, cloud)),
         "grpc_at_once": asyncio.run(at_once_over_grpc(grpc, cloud)),

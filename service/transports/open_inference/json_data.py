@@ -93,6 +93,7 @@ def read_numbers(whole: bytes, cut: Cut, count: int) -> NDArray[np.float32]:
 
 def _pieces(whole: bytes, start: int, end: int, rows: bool) -> Iterator[bytes]:
     """The text between two places, cut where a number or a row ends."""
+    begun = start
     while end - start > PIECE:
         cut = whole.rfind(b"]" if rows else b",", start, start + PIECE) + rows
         comma = _COMMA.match(whole, cut, end)
@@ -100,7 +101,10 @@ def _pieces(whole: bytes, start: int, end: int, rows: bool) -> Iterator[bytes]:
             raise UnreadableCloud(f"JSON: {quote(whole[start : start + 20])} is not as it should be; {_WHAT}.")
         yield whole[start:cut]
         start = comma.end()
-    yield whole[start:end]
+    last = whole[start:end]
+    if start > begun and not last.strip():
+        raise UnreadableCloud(f"JSON: a comma is one too many at the end of the list; {_WHAT}.")
+    yield last
 
 
 def _parse(piece: bytes, rows: bool, before: int) -> NDArray[np.float32]:

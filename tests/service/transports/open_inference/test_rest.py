@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 from contextlib import ExitStack
@@ -242,6 +243,18 @@ class TestAnswers:
             said = client.post(f"/v2/models/{path}/infer", json=request_of(cloud, id="a1")).json()
             assert (said["model_name"], said["model_version"], said["id"]) == ("tiny", version, "a1")
         assert "id" not in client.post(INFER, json=request_of(cloud)).json()
+
+    def test_bodies_may_be_compressed_and_requests_are_named(self, client: httpx.Client, cloud: np.ndarray) -> None:
+        body, headers = binary(cloud)
+        plain = client.post(INFER, content=body, headers=headers)
+        assert plain.headers["X-Request-ID"]
+        packed = headers | {"Content-Encoding": "gzip"}
+        assert client.post(INFER, content=gzip.compress(body), headers=packed).content == plain.content
+        for bad in (gzip.compress(body)[:-20], body):
+            refused = client.post(INFER, content=bad, headers=packed)
+            assert (refused.status_code, list(refused.json())) == (400, ["error"])
+        refused = client.post(INFER, content=body, headers=headers | {"Content-Encoding": "br"})
+        assert (refused.status_code, list(refused.json())) == (415, ["error"])
 
     def test_what_was_not_measured_is_nan_or_null(self, client: httpx.Client, cloud: np.ndarray) -> None:
         holes = cloud.copy()
