@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import threading
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
@@ -117,7 +118,21 @@ class _Spent:
 
 def needs_keys(settings: Settings) -> bool:
     """Whether callers need access keys: elsewhere than on the loopback address, unless told otherwise."""
-    return settings.access == "keys" or (settings.access == "auto" and not is_loopback(settings.host))
+    return settings.access == "keys" or (settings.access == "auto" and _reachable(settings) is not None)
+
+
+def _reachable(settings: Settings) -> str | None:
+    """An address listened on that other machines reach, of HTTP or zenoh; None if there is none."""
+    zenoh = [endpoint for endpoint in settings.zenoh_listen if not is_loopback(_host_of(endpoint))]
+    return next(iter([settings.host] * (not is_loopback(settings.host)) + zenoh), None)
+
+
+def _host_of(endpoint: str) -> str:
+    """The host of an endpoint of zenoh, PROTOCOL/HOST:PORT?METADATA#CONFIGURATION."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol.startswith("unix"):  # files of this machine
+        return "localhost"
+    return re.split("[?#]", address)[0].rpartition(":")[0]
 
 
 def is_loopback(host: str) -> bool:
@@ -151,9 +166,9 @@ def check_keys(settings: Settings, valid: Mapping[str, AccessKey]) -> None:
     """
     if needs_keys(settings) and not valid:
         raise InvalidParameter(
-            f"Others can reach {settings.host}, and there is no access key yet: make one with shape-concepts keys "
+            f"Others can reach {reachable}, and there is no access key yet: make one with shape-concepts keys "
             "create NAME --scope answer, or let everybody in with SHAPE_CONCEPTS_ACCESS=open."
-            if not is_loopback(settings.host)
+            if (reachable := _reachable(settings))
             else "Access keys are asked for, and there is none yet: make one with shape-concepts keys create NAME "
             "--scope answer."
         )

@@ -16,6 +16,7 @@ from service.commands.names import names
 from service.commands.options import settings_of, store_option
 from service.commands.reporting import ReportingGroup, examples
 from service.commands.respond import respond
+from service.commands.watch import watch
 
 
 @click.group(
@@ -51,7 +52,7 @@ def main() -> None:
 )
 @store_option
 def serve(host: str | None, port: int | None, grpc_port: int | None, store: str | None) -> None:
-    """Serves the REST and gRPC interfaces.
+    """Serves the REST and gRPC interfaces, and answers over zenoh where that is configured.
 
     It ends at SIGTERM or Ctrl-C, when the requests under way are answered. /docs in a browser describes REST; gRPC
     describes itself by reflection.
@@ -61,7 +62,7 @@ def serve(host: str | None, port: int | None, grpc_port: int | None, store: str 
     serve(settings_of(host=host, port=port, grpc_port=grpc_port, store=store))
 
 
-for command in (respond, models, names, jobs, keys):
+for command in (respond, models, names, jobs, keys, watch):
     main.add_command(command)
 
 if __name__ == "__main__":

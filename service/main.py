@@ -16,11 +16,12 @@ from service.access import check_keys, check_tls, needs_keys
 from service.application import Application, CloudFile
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
-from service.transports.grpc.server import serving as grpc_serving
+from service.transports.grpc.server import serving as serving_grpc
 from service.transports.open_inference import rest as open_inference
 from service.transports.open_inference.servicer import served as open_inference_served
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
+from service.transports.zenoh.server import serving as serving_zenoh
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +74,8 @@ async def _serve(application: Application, settings: Settings) -> None:
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)
-        await stack.enter_async_context(grpc_serving(application, GRACE, [open_inference_served(application)]))
+        await stack.enter_async_context(serving_grpc(application, GRACE, [open_inference_served(application)]))
+        await stack.enter_async_context(serving_zenoh(application))
         await server.serve()
 
 

@@ -5,12 +5,21 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import BeforeValidator, Field, SecretStr
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from service.streams import Stream
 
 MEBIBYTE = 2**20
+Listed = Annotated[  # separated by commas in the environment
+    tuple[str, ...],
+    NoDecode,
+    BeforeValidator(
+        lambda given: [part.strip() for part in given.split(",") if part.strip()] if isinstance(given, str) else given
+    ),
+]
 
 
 def default_store() -> str:
@@ -80,4 +89,24 @@ class Settings(BaseSettings):
         64, ge=1, le=1000, description="objects of a scene that are answered, nearest first, objects"
     )
     loaded_models: int = Field(4, ge=1, description="versions kept in memory, models")
+    zenoh_mode: Literal["client", "peer", "router"] | None = Field(
+        None, description="what the service is among zenoh nodes; by default a peer if it listens, else a client"
+    )
+    zenoh_connect: Listed = Field(
+        (), description="zenoh endpoints to connect to, separated by commas: tcp/HOST:7447 or tls/HOST:7447"
+    )
+    zenoh_listen: Listed = Field((), description="zenoh endpoints to listen on, separated by commas")
+    zenoh_config: Path | None = Field(
+        None, description="configuration file of zenoh (JSON5 or YAML) for all else; the other settings go before it"
+    )
+    zenoh_user: str | None = Field(None, description="name that zenoh nodes are shown")
+    zenoh_password: SecretStr | None = Field(None, description="its password")
+    zenoh_ca: Path | None = Field(None, description="certificates (PEM) of the authorities that zenoh nodes must have")
+    zenoh_certificate: Path | None = Field(
+        None, description="certificate (PEM) shown to zenoh nodes; with zenoh_ca, they must show one as well"
+    )
+    zenoh_key: Path | None = Field(None, description="private key (PEM) of the certificate")
+    streams: tuple[Stream, ...] = Field(
+        (), description='clouds that are answered as zenoh brings them, JSON: [{"key": "robots/*/cloud"}]'
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least severity that is logged")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -121,6 +122,28 @@ def test_keys_are_needed_wherever_others_reach_unless_told_otherwise(
             check_keys(settings, keys.valid())
     keys.create("robot-7", ("answer",))
     check_keys(settings, keys.valid())
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "needed"),
+    [
+        ("tcp/127.0.0.1:7447", False),
+        ("tcp/localhost:0", False),
+        ("tls/[::1]:7447?rel=0#iface=lo", False),
+        ("unixsock-stream//run/zenoh", False),
+        ("tcp/0.0.0.0:7447", True),
+        ("tls/[::]:7447", True),
+        ("udp/robot.local:7447", True),
+    ],
+)
+def test_keys_are_needed_where_others_reach_the_service_over_zenoh(
+    endpoint: str, needed: bool, keys: KeyStore, tmp_path: Path
+) -> None:
+    settings = Settings(store=str(tmp_path), zenoh_listen=("tcp/127.0.0.1:1", endpoint))
+    assert needs_keys(settings) is needed
+    if needed:
+        with pytest.raises(InvalidParameter, match=f"can reach {re.escape(endpoint)}"):
+            check_keys(settings, keys.valid())
 
 
 def test_half_a_configuration_of_tls_is_told(tmp_path: Path) -> None:

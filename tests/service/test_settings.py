@@ -38,12 +38,55 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
         "max_objects": "7",
         "loaded_models": "2",
         "log_level": "error",
+        "zenoh_mode": "router",
+        "zenoh_config": "zenoh.json5",
+        "zenoh_user": "replica",
+        "zenoh_ca": "ca.pem",
+        "zenoh_certificate": "own.pem",
+        "zenoh_key": "own.key",
     }
-    assert set(given) == set(Settings.model_fields)
+    structured = {"zenoh_connect", "zenoh_listen", "zenoh_password", "streams"}
+    assert set(given) | structured == set(Settings.model_fields)
     for name, value in given.items():
         monkeypatch.setenv(f"SHAPE_CONCEPTS_{name.upper()}", value)
     settings = Settings()
     assert {name: str(getattr(settings, name)) for name in given} == given
+
+
+def test_lists_are_separated_by_commas_and_streams_are_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_ZENOH_CONNECT", "tcp/10.0.0.1:7447, tls/router:7447,")
+    monkeypatch.setenv("SHAPE_CONCEPTS_ZENOH_LISTEN", "tcp/0.0.0.0:7448")
+    monkeypatch.setenv("SHAPE_CONCEPTS_STREAMS", '[{"key": "robots/*/cloud", "model": "mugs", "share": "cloud"}]')
+    settings = Settings()
+    assert settings.zenoh_connect == ("tcp/10.0.0.1:7447", "tls/router:7447")
+    assert settings.zenoh_listen == ("tcp/0.0.0.0:7448",)
+    assert [(stream.key, stream.model, stream.share) for stream in settings.streams] == [
+        ("robots/*/cloud", "mugs", "cloud")
+    ]
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [
+        "{}",
+        '{"key": ""}',
+        '{"key": "a", "publish_to": "{key}"}',
+        '{"key": "a", "publish_to": "b"}',
+        '{"key": "a", "x": 1}',
+    ],
+)
+def test_a_stream_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch, stream: str) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_STREAMS", f"[{stream}]")
+    with pytest.raises(ValidationError, match="streams"):
+        Settings()
+
+
+def test_a_password_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_ZENOH_PASSWORD", "open sesame")
+    settings = Settings()
+    assert settings.zenoh_password is not None
+    assert settings.zenoh_password.get_secret_value() == "open sesame"
+    assert "sesame" not in repr(settings)
 
 
 def test_an_empty_variable_is_as_good_as_none(monkeypatch: pytest.MonkeyPatch) -> None:

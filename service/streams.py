@@ -1,0 +1,62 @@
+"""Streams of clouds that robots publish, as an operator describes them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+KEY = "{key}"
+
+
+class Stream(BaseModel):
+    """Clouds that are answered as they arrive, each on a key beside its own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str = Field(
+        min_length=1,
+        max_length=1000,
+        description="zenoh key expression of the clouds, e.g. 0/**/sensor_msgs::msg::dds_::PointCloud2_/*",
+    )
+    model: str | None = Field(None, description="NAME, NAME@ALIAS or NAME:VERSION; by default the service's model")
+    format: str | None = Field(
+        None, description="of the clouds; by default the key, then the encoding, then the content tells"
+    )
+    unit: str | None = Field(None, description="of the coordinates; by default their own, or metres")
+    frame: Literal["optical", "body"] = Field(
+        "optical",
+        description="axes of the sensor: optical has x right, y down, z forward; body, as ROS has it, x forward, "
+        "y left, z up",
+    )
+    viewpoint: str | None = Field(
+        None,
+        description="pose of the sensor in the clouds' frame and unit, instead of a frame: x,y,z or x,y,z,qw,qx,qy,qz",
+    )
+    scene: bool = Field(False, description="whether the clouds are whole scenes: each object on a plane is answered")
+    time: float | None = Field(None, ge=0, le=1, description="filtration time of the concepts; by default epsilon_max")
+    top: int | None = Field(None, ge=1, description="how many concepts an answer lists; by default all")
+    publish_to: str = Field(
+        f"{KEY}/concepts", description=f"key of the answers; {KEY} is the key that the cloud came on"
+    )
+    share: Literal["key", "cloud"] = Field(
+        "key",
+        description="what replicas share out among themselves: keys, so that each robot's clouds are answered in "
+        "order by one of them, or single clouds, for a stream that is too much for one",
+    )
+
+    @field_validator("publish_to")
+    @classmethod
+    def _names_the_key(cls, value: str) -> str:
+        if value.count(KEY) != 1 or value == KEY:
+            raise ValueError(f"it should have {KEY} once, and more beside it, such as {KEY}/concepts")
+        return value
+
+    def answers_on(self, key: str) -> str:
+        """The key of the answers to the clouds of a key."""
+        return self.publish_to.replace(KEY, key)
+
+    def is_answer(self, key: str) -> bool:
+        """Whether a key looks like one of this stream's answers, which are no clouds."""
+        before, _, after = self.publish_to.partition(KEY)
+        return len(key) > len(before) + len(after) and key.startswith(before) and key.endswith(after)
