@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import grpc
@@ -104,6 +105,17 @@ def test_the_service_says_what_it_is_and_what_a_model_takes(
     ready = {name: stub.ModelReady(pb.ModelReadyRequest(name=name)).ready for name in ("tiny", "tiny@production", "no")}
     assert ready == {"tiny": True, "tiny@production": True, "no": False}
     assert not stub.ModelReady(pb.ModelReadyRequest(name="tiny", version="3")).ready
+
+
+def test_without_a_model_it_lives_and_is_not_ready(settings: Settings, tmp_path: Path) -> None:
+    application = Application(settings.model_copy(update={"store": str(tmp_path / "empty")}))
+    with answering(application) as address, grpc.insecure_channel(address) as channel:
+        stub = GRPCInferenceServiceStub(channel)
+        assert stub.ServerLive(pb.ServerLiveRequest()).live
+        assert not stub.ServerReady(pb.ServerReadyRequest()).ready
+        assert not stub.ModelReady(pb.ModelReadyRequest()).ready
+        assert refusal_of(stub.ModelMetadata, pb.ModelMetadataRequest()).code() is grpc.StatusCode.NOT_FOUND
+    application.close()
 
 
 def test_a_client_that_knows_nothing_learns_the_service_by_reflection(channel: grpc.Channel) -> None:
