@@ -10,7 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 
 PROTO = Path(__file__).resolve().parent
-HOME = "service.transports.grpc.generated"
+HOMES = {
+    "shapeconcepts": "service.transports.grpc.generated",
+    "inference": "service.transports.open_inference.generated",
+}
 
 
 def generate(package: str) -> dict[Path, str]:
@@ -26,7 +29,7 @@ def generate(package: str) -> dict[Path, str]:
         written = {path.relative_to(folder): path.read_text() for path in Path(folder).rglob("*.py*")}
     imports = re.compile(rf"^from {package}\b", re.MULTILINE)
     return {
-        path: imports.sub(f"from {HOME}.{package}", text)
+        path: imports.sub(f"from {HOMES[package]}.{package}", text)
         for path, text in written.items()
         if not path.stem.endswith("_grpc") or "Servicer" in text  # protos without a service give empty ones
     }
@@ -34,8 +37,9 @@ def generate(package: str) -> dict[Path, str]:
 
 def main() -> None:
     """Writes them where the service imports them from."""
-    for path, text in generate("shapeconcepts").items():
-        PROTO.parent.joinpath(*HOME.split("."), path).write_text(text)
+    for package, home in HOMES.items():
+        for path, text in generate(package).items():
+            PROTO.parent.joinpath(*home.split("."), path).write_text(text)
 
 
 if __name__ == "__main__":

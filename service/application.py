@@ -68,6 +68,18 @@ class CloudFile(NamedTuple):
     mask: bytes | None = None
 
 
+class ConceptOrder(NamedTuple):
+    """The order in which an answer has its responses and distances.
+
+    Attributes:
+        ids: (K,) int64: the concepts, each once.
+        times: (K,) float64: the filtration time at which each was taken, [0, 1].
+    """
+
+    ids: NDArray[np.int64]
+    times: NDArray[np.float64]
+
+
 class ModelSummary(BaseModel):
     """A model that can be asked."""
 
@@ -242,6 +254,20 @@ class Application:
                     self.telemetry.answered(answer)
                     answers.append(answer)
         return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+
+    def concept_order(self, name: str, version: int, time: float | None = None) -> ConceptOrder:
+        """Which concepts the responses of a version's answers are to.
+
+        Args:
+            name: of the model.
+            version: its version.
+            time: that the answer was asked for with.
+
+        Raises:
+            InvalidParameter: the time is not in [0, 1].
+        """
+        spectrum = self._meant(name, version).model().spectrum(time)
+        return ConceptOrder(spectrum.ids, spectrum.times)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
         """Name and version of the model that is meant.

@@ -10,6 +10,8 @@ import threading
 from contextlib import AsyncExitStack
 
 import uvicorn
+from fastapi import FastAPI
+from starlette.routing import Route
 
 from service import logs, traces
 from service.access import check_keys, check_tls, needs_keys
@@ -18,6 +20,8 @@ from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
 from service.telemetry import Telemetry
 from service.transports.grpc.server import serving as serving_grpc
+from service.transports.open_inference import rest as open_inference
+from service.transports.open_inference.servicer import served as open_inference_served
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 from service.transports.zenoh.server import serving as serving_zenoh
@@ -54,11 +58,18 @@ def serve(settings: Settings) -> None:
         raise SystemExit(1) from None
 
 
+def http_app(application: Application) -> FastAPI:
+    """All that is answered over HTTP; what one transport does around its answers is done around the other's."""
+    app = create_app(application)
+    app.router.routes.append(Route(open_inference.PATHS, open_inference.create_app(application)))
+    return app
+
+
 async def _serve(application: Application, settings: Settings) -> None:
     """Opens every transport, the HTTP server last: it is the one that waits for the signals."""
     server = uvicorn.Server(
         uvicorn.Config(
-            create_app(application),
+            http_app(application),
             host=settings.host,
             port=settings.port,
             log_config=None,
@@ -70,7 +81,7 @@ async def _serve(application: Application, settings: Settings) -> None:
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)
-        await stack.enter_async_context(serving_grpc(application, GRACE))
+        await stack.enter_async_context(serving_grpc(application, GRACE, [open_inference_served(application)]))
         await stack.enter_async_context(serving_zenoh(application))
         await server.serve()
 

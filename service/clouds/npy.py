@@ -61,6 +61,14 @@ def read(data: bytes, max_points: int) -> RawCloud:
     return RawCloud(to_xyz(memoryview(data)[layout.body :], layout), width=layout.width)
 
 
+def of_points(xyz: bytes) -> bytes:
+    """An NPY file of bare coordinates, (N, 3) float32, little-endian; what is left over of a point is left out."""
+    header = io.BytesIO()
+    facts = {"descr": "<f4", "fortran_order": False, "shape": (len(xyz) // 12, 3)}
+    np.lib.format.write_array_header_1_0(header, facts)
+    return header.getvalue() + xyz
+
+
 def read_layout(head: bytes, where: str) -> Layout:
     """Reads an array's header from its first bytes.
 

@@ -10,24 +10,24 @@ from itertools import pairwise
 
 import pytest
 
-from proto.generate import HOME, PROTO, generate
+from proto.generate import HOMES, PROTO, generate
 from tests.conftest import ROOT
 
-STUBS = ROOT.joinpath(*HOME.split("."))
 
-
-def test_the_stubs_generated_again_are_the_same_bytes() -> None:
-    generated = {path.as_posix(): text.encode() for path, text in generate("shapeconcepts").items()}
+@pytest.mark.parametrize("package", HOMES)
+def test_the_stubs_generated_again_are_the_same_bytes(package: str) -> None:
+    stubs = ROOT.joinpath(*HOMES[package].split("."))
+    generated = {path.as_posix(): text.encode() for path, text in generate(package).items()}
     present = {
-        path.relative_to(STUBS).as_posix(): path.read_bytes()
-        for path in (STUBS / "shapeconcepts").rglob("*.py*")
+        path.relative_to(stubs).as_posix(): path.read_bytes()
+        for path in (stubs / package).rglob("*.py*")
         if path.name != "__init__.py" and path.suffix != ".pyc"
     }
     assert generated == present
 
 
 def test_every_field_has_a_comment_above_it() -> None:
-    protos = sorted((PROTO / "shapeconcepts").rglob("*.proto"))
+    protos = sorted(PROTO.rglob("*.proto"))
     assert protos
     for proto in protos:
         lines = proto.read_text().splitlines()

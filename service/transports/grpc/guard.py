@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
 from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
@@ -17,7 +17,7 @@ from google.protobuf.message import DecodeError
 from service.access import Gate
 from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
 from service.scopes import Scope
-from service.telemetry import Telemetry
+from service.telemetry import Telemetry, Wire
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
@@ -51,7 +51,7 @@ class _Problem(NamedTuple):
 
 
 class Guard(grpc.aio.ServerInterceptor):
-    """What every call to our service passes through; health and reflection go their own way.
+    """What every call to our services passes through; health and reflection go their own way.
 
     A call's messages are received here, as bytes: so that they are waited for no longer than a request's body may take,
     and that bytes which are no message are told from an error of ours.
@@ -61,9 +61,21 @@ class Guard(grpc.aio.ServerInterceptor):
         telemetry: measures every call.
         calls: how many may be open at a time.
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
+        services: names of our services.
+        open: paths of the calls that need no access key.
     """
 
-    def __init__(self, gate: Gate, telemetry: Telemetry, calls: int, timeout: float) -> None:
+    def __init__(
+        self,
+        gate: Gate,
+        telemetry: Telemetry,
+        calls: int,
+        timeout: float,
+        services: Iterable[str] = (SERVICE,),
+        open: frozenset[str] = frozenset(),
+    ) -> None:
+        self._ours = tuple(f"/{name}/" for name in services)
+        self._unlocked = open
         self._gate = gate
         self._telemetry = telemetry
         self._limit = calls
@@ -91,7 +103,7 @@ class Guard(grpc.aio.ServerInterceptor):
     ) -> Any:
         """The handler of a call, with the guard before it: one that reads and writes messages itself."""
         handler = await continuation(call)
-        if handler is None or not call.method.startswith(f"/{SERVICE}/"):
+        if handler is None or not call.method.startswith(self._ours):
             return handler
         return grpc.stream_stream_rpc_method_handler(
             partial(self._guarded, handler, call.method), response_serializer=handler.response_serializer
@@ -102,10 +114,11 @@ class Guard(grpc.aio.ServerInterceptor):
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
         carrier = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
-        with self._telemetry.request("grpc", request_id, method, carrier) as seen:
+        wire: Wire = "grpc" if method.startswith(f"/{SERVICE}/") else "open-inference"
+        with self._telemetry.request(wire, request_id, method, carrier) as seen:
             try:
                 with self._entered():
-                    async with self._let_in(_key_of(context)):  # before anything of a message is received
+                    async with self._let_in(method, _key_of(context)):  # before anything of a message is received
                         await self._behave(handler, context)
             except Exception as error:
                 seen.failed(error.kind if isinstance(error, Refusal) else error)
@@ -131,8 +144,11 @@ class Guard(grpc.aio.ServerInterceptor):
                 self._none_open.set()
 
     @asynccontextmanager
-    async def _let_in(self, key: str | None) -> AsyncIterator[None]:
+    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[None]:
         """Asks the gate; on a thread where it may have to ask the store."""
+        if method in self._unlocked:
+            yield
+            return
         with ExitStack() as stack:
             entered = self._gate.entered(key, SCOPE)
             if self._gate.open:

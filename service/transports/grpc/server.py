@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
 import grpc
@@ -19,6 +19,7 @@ from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2_grpc
 from service.transports.grpc.guard import SERVICE, Guard
 from service.transports.grpc.servicer import Servicer
+from service.transports.served import Served
 
 log = logging.getLogger(__name__)
 
@@ -31,12 +32,13 @@ KEEPALIVE_LEAST = 5_000  # milliseconds: clients may ask as often
 
 
 @asynccontextmanager
-async def serving(application: Application, grace: float) -> AsyncIterator[int | None]:
+async def serving(application: Application, grace: float, beside: Sequence[Served] = ()) -> AsyncIterator[int | None]:
     """Answers on the port of the settings for as long as the context is open; then finishes what was accepted.
 
     Args:
         application: what answers.
         grace: how long what was accepted may take at the end, seconds.
+        beside: services of other transports that are answered here as well.
 
     Yields:
         The port; None where the settings want no gRPC.
@@ -48,16 +50,20 @@ async def serving(application: Application, grace: float) -> AsyncIterator[int |
     if settings.grpc_port < 0:
         yield None
         return
-    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout)
+    names = (SERVICE, *(service.name for service in beside))
+    unlocked = frozenset(f"/{service.name}/{call}" for service in beside for call in service.open)
+    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout, names, unlocked)
     server = grpc.aio.server(
         interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
     )
     service_pb2_grpc.add_ShapeConceptsServiceServicer_to_server(Servicer(application), server)
+    for service in beside:
+        service.add(server)
     states = health.HealthServicer()
     health_pb2_grpc.add_HealthServicer_to_server(states, server)
-    reflection.enable_server_reflection((SERVICE, HEALTH, reflection.SERVICE_NAME), server)
+    reflection.enable_server_reflection((*names, HEALTH, reflection.SERVICE_NAME), server)
     port = _listen(server, settings)
-    watching = asyncio.create_task(_watch(application, states))
+    watching = asyncio.create_task(_watch(application, states, ("", *names)))
     await server.start()
     log.info("gRPC on %s:%d%s", settings.host, port, " with TLS" if settings.tls_certificate else "")
     try:
@@ -96,21 +102,21 @@ def _listen(server: grpc.aio.Server, settings: Settings) -> int:
         raise SystemExit(1) from None
 
 
-async def _watch(application: Application, states: health.HealthServicer) -> None:
+async def _watch(application: Application, states: health.HealthServicer, names: Sequence[str]) -> None:
     """Says SERVING while there is a model to answer with: asked here, so that who asks for our health never waits."""
-    await _say(states, health_pb2.HealthCheckResponse.NOT_SERVING)
+    await _say(states, names, health_pb2.HealthCheckResponse.NOT_SERVING)
     while True:
         try:
             await asyncio.to_thread(application.ready)
-            await _say(states, health_pb2.HealthCheckResponse.SERVING)
+            await _say(states, names, health_pb2.HealthCheckResponse.SERVING)
         except ShapeConceptsError:
-            await _say(states, health_pb2.HealthCheckResponse.NOT_SERVING)
+            await _say(states, names, health_pb2.HealthCheckResponse.NOT_SERVING)
         except Exception:
             log.exception("whether there is a model cannot be told")
-            await _say(states, health_pb2.HealthCheckResponse.NOT_SERVING)
+            await _say(states, names, health_pb2.HealthCheckResponse.NOT_SERVING)
         await asyncio.sleep(READY_EVERY)
 
 
-async def _say(states: health.HealthServicer, status: int) -> None:
-    for service in ("", SERVICE):
+async def _say(states: health.HealthServicer, names: Sequence[str], status: int) -> None:
+    for service in names:
         await states.set(service, status)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 from collections.abc import AsyncIterator, Awaitable
 from contextlib import aclosing
 from typing import Any
 
 from service.application import Application
-from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
+from service.engine.errors import InvalidParameter, ShapeConceptsError
+from service.engine.model import OnStage
 from service.transports.grpc import messages
 from service.transports.grpc.flow import in_order
 from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, service_pb2, service_pb2_grpc
 from service.transports.grpc.guard import problem_of
 from service.transports.grpc.share import Share
+from service.transports.wanted import run_while_wanted
 
 AT_ONCE = 4  # clouds of one batch or stream at work, or answered and not yet sent
 
@@ -102,24 +103,12 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         Raises:
             ShapeConceptsError: whatever the application raises.
         """
-        unwanted = threading.Event()
 
-        def go_on(stage: str) -> None:
-            if unwanted.is_set():
-                raise Cancelled(f"The client hung up, or its deadline passed; the work ended before {stage}.")
-
-        def work() -> answer_pb2.Answer:
-            go_on("it began")
+        def work(on_stage: OnStage) -> answer_pb2.Answer:
             given = messages.to_options(options)
-            return messages.from_answer(self._application.respond(messages.to_cloud(cloud), **given, on_stage=go_on))
+            return messages.from_answer(self._application.respond(messages.to_cloud(cloud), **given, on_stage=on_stage))
 
-        working = asyncio.ensure_future(self._application.pool.run(work))
-        try:
-            return await asyncio.shield(working)
-        except asyncio.CancelledError:
-            unwanted.set()
-            await asyncio.gather(working, return_exceptions=True)  # its place is free when its thread is
-            raise
+        return await run_while_wanted(self._application.pool, work)
 
 
 async def _outcome(answering: Awaitable[answer_pb2.Answer]) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from service.clouds import UNITS, Viewpoint, by_media_type
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter, ShapeConceptsError
 from service.transports import errors
+from service.transports.arriving import limits_of
 from service.transports.rest import model_examples
-from service.transports.rest.bodies import Limits
 from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import Problem, documented
 from service.transports.rest.queries import (
@@ -59,7 +59,7 @@ def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
     settings = application.settings
-    limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+    limits = limits_of(settings)
 
     @routes.post(
         "/responses/batch",

@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.application import Application
 from service.names import LONGEST, check_concept_name
 from service.proposals import Proposal
+from service.transports.arriving import limits_of
 from service.transports.rest import caching, model_examples
 from service.transports.rest.batches import Item, answer_each, parse_frame
-from service.transports.rest.bodies import Limits
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import Problem, documented
 from service.transports.rest.queries import Reference, UnitQuery, ViewpointQuery, known_only
@@ -97,7 +97,7 @@ def router(application: Application) -> APIRouter:
     """The operations, for an application."""
     routes = APIRouter(prefix="/v1/models", tags=["names"], dependencies=[Depends(known_only)])
     settings = application.settings
-    limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+    limits = limits_of(settings)
 
     @routes.get(
         "/{model}/names",

@@ -10,8 +10,9 @@ from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS, parse_camera
 from service.scene_answer import SceneAnswer
+from service.transports.arriving import limits_of
 from service.transports.rest import examples
-from service.transports.rest.bodies import FIELD, MASK, Limits, receive_cloud
+from service.transports.rest.bodies import FIELD, MASK, receive_cloud
 from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
@@ -93,8 +94,7 @@ _ANSWERS = {
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
-    settings = application.settings
-    limits = Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+    limits = limits_of(application.settings)
 
     @routes.post(
         "/responses",

@@ -13,7 +13,8 @@ from starlette.exceptions import HTTPException
 
 from service.clouds.json_list import split
 from service.engine.errors import InvalidParameter, UnreadableCloud, UnsupportedFormat
-from service.transports.rest.bodies import FIELD, Limits, arriving
+from service.transports.arriving import Limits, arriving
+from service.transports.rest.bodies import FIELD
 
 LABEL = "label"
 SMALL = 2**14  # bytes of the largest JSON object

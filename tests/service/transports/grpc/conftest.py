@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -16,6 +16,7 @@ from service.application import Application, CloudFile
 from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.server import serving
+from service.transports.served import Served
 
 HELD = "held"  # name of the clouds whose answers wait until they are let go
 
@@ -44,8 +45,8 @@ class Held(Application):
 class Server:
     """A server on an event loop and a thread of its own; `error` is what it ended with."""
 
-    def __init__(self, application: Application, grace: float = 30) -> None:
-        self._application, self._grace = application, grace
+    def __init__(self, application: Application, grace: float = 30, beside: Sequence[Served] = ()) -> None:
+        self._application, self._grace, self._beside = application, grace, beside
         self._told = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self.error: BaseException | None = None
@@ -73,7 +74,7 @@ class Server:
 
     async def _serve(self) -> None:
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
-        async with serving(self._application, self._grace) as port:
+        async with serving(self._application, self._grace, self._beside) as port:
             self.address = f"127.0.0.1:{port}"
             self._told.set()
             await self._end.wait()
