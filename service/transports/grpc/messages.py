@@ -80,7 +80,7 @@ def from_answer(answer: Answer) -> answer_pb2.Answer:
 
 def from_summary(summary: ModelSummary) -> model_pb2.ModelSummary:
     """A model of the store."""
-    return model_pb2.ModelSummary(**summary.model_dump(exclude={"built_in"}))
+    return model_pb2.ModelSummary(**summary.model_dump())
 
 
 def from_manifest(manifest: Manifest) -> model_pb2.Manifest:

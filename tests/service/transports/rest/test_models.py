@@ -149,7 +149,7 @@ class TestAliases:
         self, client: httpx.Client, application: Application, model: ShapeModel
     ) -> None:
         application.store.publish(model, name="other", seed=7, source={}, alias="staging")
-        expected = {"name": "other", "versions": [1], "aliases": {"staging": 1}}
+        expected = {"name": "other", "versions": [1], "aliases": {"staging": 1}, "built_in": False}
         assert client.get("/v1/models/other").json() == expected | {"version": None}
         assert client.get("/v1/models/other@staging").json() == expected | {"version": 1}
         assert client.get("/v1/models/other@production").status_code == 404
