@@ -224,10 +224,10 @@ class TestRequestIds:
     ) -> None:
         with caplog.at_level(logging.DEBUG):
             response = client.post("/v1/responses", content=b"", headers={"x-request-id": given})
+            assert logged(caplog, given)[0].endswith("ms")
         assert response.headers["x-request-id"] == given
         assert response.json()["instance"].endswith(f":{given}")
         assert response.json()["instance"].startswith("urn:uuid:" if given == self.UUID else "urn:shape-concepts:")
-        assert logged(caplog, given)[0].endswith("ms")
         assert client.get("/healthz", headers={"x-request-id": given}).headers["x-request-id"] == given
 
     @pytest.mark.parametrize("given", ["", "x" * 129, "a b", "-x", "<script>", "a\tb", "ä".encode()])
@@ -238,7 +238,7 @@ class TestRequestIds:
     def test_a_path_begins_no_line_of_the_log(self, client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
         with caplog.at_level(logging.DEBUG):
             client.get("/v1/%0aroot%20logged%20in")
-        assert "\n" not in logged(caplog, "root")[0]
+            assert "\n" not in logged(caplog, "root")[0]
 
 
 def test_a_method_that_is_not_allowed_is_told_all_that_are(client: httpx.Client) -> None:
