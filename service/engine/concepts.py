@@ -143,10 +143,11 @@ def respond_to_concepts(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """An object's responses to all concepts.
 
-    The score "discriminant" is that of linear discriminant analysis: the squared distance to the mean of a concept's
-    prototypes less twice the logarithm of its size, which is how likely an object is one of its kind beforehand. The
-    former is the mean squared distance to the prototypes less their own spread, so that tight concepts do not rank
-    before wide ones. What an object has of all concepts alike, being far from everything, is taken off too.
+    The score "discriminant" has the form of linear discriminant analysis, with the covariance of all objects in place
+    of that within concepts: the squared distance to the mean of a concept's prototypes less twice the logarithm of its
+    size, which is how likely an object is one of its kind beforehand. The former is the mean squared distance to the
+    prototypes less their own spread, so that tight concepts do not rank before wide ones. What an object has of all
+    concepts alike, being far from everything, is taken off too.
 
     Args:
         squared: (N,) squared Mahalanobis distances of the object from the concept prototypes.

@@ -95,14 +95,15 @@ class StimuliParams(StageParams):
 
     The paper: only vertices with the constellation's very words fire (`gating` "words"), sigma = 0.025, stimuli are
     accumulated (`pooling` "sum"), a constellation's size does not count (`coverage_power` 0), and motif levels are not
-    weighed against each other (`balanced` False).
+    weighed against each other (`balanced` False). Here the unions between single segments and wholes weigh nothing, as
+    they tell nothing that these two do not (`union_weight`, measured in `tests/benchmarks/QUALITY.md`).
     """
 
     sigma: float = Field(0.1, gt=0, le=1, description="bandwidth of the kernel, nats of JSD")
     gating: Literal["words", "rank", "kernel"] = Field(
         "rank",
-        description="which vertices a constellation may activate: those of its motif, of its rank (single segments, "
-        "unions, wholes), or all",
+        description="which vertices a constellation may activate: those of its motif, of its rank (single segments; "
+        "unions, with the whole; wholes, which `whole_apart` tells from the rest), or all",
     )
     pooling: Literal["sum", "mean", "max"] = Field("mean", description="over the constellations that activate a vertex")
     coverage_power: float = Field(

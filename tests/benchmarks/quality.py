@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from joblib import parallel_config
 
 from tests.benchmarks.quality_arms import ARMS, DEFAULT, PAPER, TUNING, WHOLE, arm_of
 from tests.benchmarks.quality_runs import Figures, judge_arm, judge_levels, judge_robustness
@@ -25,19 +26,27 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(prog="./run bench quality", description=__doc__)
     parser.add_argument("--objects", type=int, default=250, help="simulated objects a model (250)")
     parser.add_argument("--seeds", default="1-5", help="training seeds, first-last (1-5)")
-    parser.add_argument(
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
         "--arms",
         nargs="*",
         default=list(ARMS),
         metavar="ARM",
         help="beside the default: names, parameters as in 'stimuli.sigma=0.1', or 'ARM + ARM' (all that have names)",
     )
-    parser.add_argument("--tune-whole", action="store_true", help=f"{WHOLE}, by all that the default was tuned by")
-    parser.add_argument("--levels", action="store_true", help="motif level by motif level, and no arms")
-    parser.add_argument("--robustness", action="store_true", help="disturbed clouds, and no arms")
+    which.add_argument("--tune-whole", action="store_true", help=f"{WHOLE}, by settings that the default was tuned by")
+    which.add_argument("--levels", action="store_true", help="motif level by motif level, and no arms")
+    which.add_argument("--robustness", action="store_true", help="disturbed clouds, and no arms")
     asked = parser.parse_args(arguments)
     first, _, last = asked.seeds.partition("-")
     seeds = range(int(first), int(last or first) + 1)
+    if not seeds:
+        parser.error(f"--seeds is first-last, such as 1-5; it was {asked.seeds}")
+    with parallel_config(backend="loky", n_jobs=2):
+        _run(asked, seeds)
+
+
+def _run(asked: argparse.Namespace, seeds: range) -> None:
     print(
         f"{asked.objects} simulated objects, seeds {asked.seeds}: mean (standard deviation over the seeds)", flush=True
     )

@@ -6,22 +6,22 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
+from service.engine.errors import InvalidParameter
 from service.engine.params import ModelParams
 from worker.simulation import SimulationParams
 
 DEFAULT = "default"
-WHOLE, SEGMENTS, UNIONS = "the whole object alone", "single segments alone", "unions alone"
+WHOLE = "the whole object alone"
 PAPER = "preset paper"
 
 ARMS: dict[str, str] = {
     DEFAULT: "",
     WHOLE: "stimuli.segment_weight=0 stimuli.union_weight=0",
-    SEGMENTS: "stimuli.union_weight=0 stimuli.whole_weight=0",
-    UNIONS: "stimuli.segment_weight=0 stimuli.union_weight=1 stimuli.whole_weight=0",
-    "no unions": "stimuli.union_weight=0",
+    "single segments alone": "stimuli.union_weight=0 stimuli.whole_weight=0",
+    "unions alone": "stimuli.segment_weight=0 stimuli.union_weight=1 stimuli.whole_weight=0",
     "unions as heavy as the rest": "stimuli.union_weight=1",
     "unions of two segments, as heavy": "stimuli.union_weight=1 hierarchy.max_levels=2",
-    "unions of up to four, as heavy": "stimuli.union_weight=1 hierarchy.max_levels=3",
+    "unions of two or three segments, as heavy": "stimuli.union_weight=1 hierarchy.max_levels=3",
     "any constellation excites any vertex": "stimuli.gating=kernel stimuli.pooling=max stimuli.balanced=false",
     "sigma 0.05": "stimuli.sigma=0.05",
     "sigma 0.2": "stimuli.sigma=0.2",
@@ -41,7 +41,7 @@ ARMS: dict[str, str] = {
     "8000 draws": "descriptor.draws=8000",
     PAPER: "preset=paper",
 }
-TUNING = (  # what the default was tuned by, to tune the whole object alone by the same
+TUNING = (  # settings that the default was tuned by, to tune the whole object alone by the same
     "sigma 0.05",
     "sigma 0.2",
     "4 levels of words",
@@ -58,7 +58,6 @@ TUNING = (  # what the default was tuned by, to tune the whole object alone by t
 class Arm(NamedTuple):
     """What a model is learnt with."""
 
-    name: str
     params: ModelParams
     simulation: SimulationParams
 
@@ -77,11 +76,12 @@ def arm_of(name: str) -> Arm:
             continue
         stage, _, parameter = path.partition(".")
         changed.setdefault(stage, {})[parameter] = value
-    stages = ModelParams.preset(preset).model_dump()
     try:
+        stages = ModelParams.preset(preset).model_dump()
         params = ModelParams.model_validate(
             stages | {stage: stages.get(stage, {}) | values for stage, values in changed.items()}
         )
-    except ValidationError as error:
+        simulation = SimulationParams.preset(preset)
+    except (ValidationError, InvalidParameter) as error:
         raise SystemExit(f"There is no arm '{name}': {error}") from None
-    return Arm(name, params, SimulationParams.preset(preset))
+    return Arm(params, simulation)

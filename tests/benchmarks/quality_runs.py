@@ -21,7 +21,7 @@ from service.engine.params import ModelParams
 from service.engine.perception import Perception, perceive
 from tests.benchmarks.quality_arms import Arm
 from tests.conftest import data_folder
-from worker.evaluation.ablation import arms_of, even, respond_by, restrict, stimuli_of
+from worker.evaluation.ablation import arms_of, even, respond_by, restrict, stimuli_of, tells_apart
 from worker.evaluation.baselines import see_whole
 from worker.evaluation.judgement import Recalled, judge_others, judge_recalls
 from worker.evaluation.labels import judged, read_labels
@@ -83,7 +83,7 @@ def judge_robustness(arm: Arm, seeds: Sequence[int], count: int) -> list[Robustn
 def _over_seeds(judge, arm, seeds, count, *arguments):  # type: ignore[no-untyped-def] # as `judge`
     objects = [see_objects(seed, count, arm.simulation, _perception(arm.params)) for seed in seeds]
     calls = (delayed(judge)(arm, seed, of, *arguments) for seed, of in zip(seeds, objects, strict=True))
-    return Parallel(n_jobs=2)(calls)
+    return Parallel()(calls)
 
 
 def _perception(params: ModelParams) -> ModelParams:
@@ -104,7 +104,7 @@ def see_set(name: str, params: ModelParams) -> Seen:
     """The clouds of a labelled set."""
     table = _table(name)
     rows = read_labels(table)
-    seen = Parallel(n_jobs=2)(delayed(_perceive)(table.parent / row.file, params) for row in rows)
+    seen = Parallel()(delayed(_perceive)(table.parent / row.file, params) for row in rows)
     return Seen(
         list(seen),
         np.array([row.category for row in rows]),
@@ -122,7 +122,7 @@ def _perceive(file: Path, params: ModelParams) -> Perception:
 def _see_disturbed(params: ModelParams) -> list[list[Perception | None]]:
     table = _table(JUDGE)
     files = [table.parent / row.file for row in read_labels(table)]
-    return list(Parallel(n_jobs=2)(delayed(_disturb)(file, params) for file in files))
+    return list(Parallel()(delayed(_disturb)(file, params) for file in files))
 
 
 def _disturb(file: Path, params: ModelParams) -> list[Perception | None]:
@@ -155,10 +155,11 @@ def _judge_levels(arm: Arm, seed: int, objects: list[Observation], sets: dict[st
         model = even(learn(objects, arm.params, seed))
         stimuli = {name: stimuli_of(model, seen.perceptions) for name, seen in sets.items()}
         figures = {}
-        for left in arms_of(model.ensemble):
+        for left in arms_of(model.ensemble, model.params.hierarchy.whole_apart):
             if restricted := restrict(model, left):
                 vectors = {name: respond_by(restricted, left, of) for name, of in stimuli.items()}
-                figures[left.name] = _judge(sets, vectors, maps=0)
+                if tells_apart(vectors[JUDGE]):
+                    figures[left.name] = _judge(sets, vectors, maps=0)
         return figures
 
 

@@ -24,10 +24,13 @@ from worker.learning.observations import Observation
 from worker.learning.train import conceive, stack
 
 NO_WORDS = np.zeros((0, 0), np.int64)
+SAME = 1e-9  # responses that differ by less are equal but for rounding
 DESCRIPTION = (
-    "the stimuli of all other motif levels are taken away, of the training objects and of the clouds; tree, "
-    "filtration, concepts and metric are learnt anew from what is left, and the responses are judged as the model's "
-    "own; single segments, unions or wholes that weigh nothing in the model weigh 1 in this"
+    "the motif vertices of all other levels are taken away; tree, filtration, concepts and metric are learnt anew from "
+    "the stimuli that are left, and the responses are judged as the model's own. What is taken away is what was "
+    "learnt, not what a cloud is asked with: where constellations are told by their rank, vertices of unions are "
+    "excited by all unions of the cloud, the largest being its whole, and each level's share among them stays. Ranks "
+    "that weigh nothing in such a model weigh 1 here"
 )
 
 
@@ -57,8 +60,14 @@ class LabelledObjects(NamedTuple):
     recalled: Recalled
 
 
-def arms_of(ensemble: Ensemble) -> tuple[Arm, ...]:
-    """Each motif level alone, all up to each one, and the ranks taken out one at a time."""
+def arms_of(ensemble: Ensemble, whole_apart: bool = True) -> tuple[Arm, ...]:
+    """Each motif level alone, all up to each one, and the ranks taken out one at a time.
+
+    Args:
+        ensemble: HE.
+        whole_apart: whether the highest motif level is that of wholes.
+    """
+    highest = "the whole object" if whole_apart else "the highest motif level"
     *below, top = np.unique(ensemble.vertex_levels).tolist()
     if not below:
         return ()
@@ -68,9 +77,9 @@ def arms_of(ensemble: Ensemble) -> tuple[Arm, ...]:
     without = [
         Arm("all but single segments", (*unions, top)),
         Arm("all but unions", (below[0], top)),
-        Arm("all but the whole object", tuple(below)),
+        Arm(f"all but {highest}", tuple(below)),
     ]
-    segments, whole = Arm("single segments alone", (below[0],)), Arm("the whole object alone", (top,))
+    segments, whole = Arm("single segments alone", (below[0],)), Arm(f"{highest} alone", (top,))
     ranks = [Arm("unions alone", tuple(unions)), *without] if unions else []
     # the last of `upwards` is all but the whole object, the only level of unions is all of them
     every = Arm("all motif levels", (*below, top))
@@ -80,17 +89,19 @@ def arms_of(ensemble: Ensemble) -> tuple[Arm, ...]:
 def ablate(
     model: ShapeModel, sets: Sequence[LabelledObjects], count: Count = lambda items, total: items
 ) -> list[Ablated]:
-    """Judges what is left of a model; arms by which no training object is told from another are left out.
+    """Judges what is left of a model; arms whose responses are the same for all clouds are left out.
 
     Args:
         model: whose parts are taken away; the work is shared out as `joblib.parallel_config` says.
         sets: the first judges itself and all others.
         count: hands on what it is given, and may show how far that is.
     """
-    evened = even(model)
-    stimuli = [stimuli_of(evened, each.objects) for each in sets]
-    arms = arms_of(model.ensemble)
-    results = Parallel(return_as="generator")(delayed(_ablate)(evened, sets, stimuli, arm) for arm in arms)
+    with threadpool_limits(1):
+        evened = even(model)
+        stimuli = [stimuli_of(evened, each.objects) for each in sets]
+    arms = arms_of(model.ensemble, model.params.hierarchy.whole_apart)
+    recalled = [(each.name, each.recalled) for each in sets]
+    results = Parallel(return_as="generator")(delayed(_ablate)(evened, recalled, stimuli, arm) for arm in arms)
     return [each for each in count(results, len(arms)) if each is not None]
 
 
@@ -157,16 +168,18 @@ def respond_by(model: ShapeModel, arm: Arm, clouds: Iterable[Stimuli]) -> NDArra
 
 
 def _ablate(
-    model: ShapeModel, sets: Sequence[LabelledObjects], stimuli: Sequence[Sequence[Stimuli]], arm: Arm
+    model: ShapeModel, sets: Sequence[tuple[str, Recalled]], stimuli: Sequence[Sequence[Stimuli]], arm: Arm
 ) -> Ablated | None:
     with threadpool_limits(1):
         restricted = restrict(model, arm)
         if restricted is None:
             return None
         samples = [
-            Samples(respond_by(restricted, arm, of), each.recalled.labels, each.recalled.groups)
-            for each, of in zip(sets, stimuli, strict=True)
+            Samples(respond_by(restricted, arm, of), own.labels, own.groups)
+            for (_, own), of in zip(sets, stimuli, strict=True)
         ]
+    if not tells_apart(samples[0].vectors):
+        return None
     recalled = [judge_recalls(samples[0]), *(judge_others(samples[0], each) for each in samples[1:])]
     return Ablated(
         name=arm.name,
@@ -174,7 +187,12 @@ def _ablate(
         vertices=int(np.isin(model.ensemble.vertex_levels, arm.levels).sum()),
         concepts=len(restricted.concepts().sizes),
         sets=[
-            AblatedSet(name=each.name, intervals=found.intervals(), ahead=each.recalled.ahead_of(found))
-            for each, found in zip(sets, recalled, strict=True)
+            AblatedSet(name=name, intervals=found.intervals(), ahead=own.ahead_of(found))
+            for (name, own), found in zip(sets, recalled, strict=True)
         ],
     )
+
+
+def tells_apart(responses: NDArray[np.float64]) -> bool:
+    """Whether at least two responses (n, K) differ between clouds: of fewer no protocol can tell anything."""
+    return int((np.ptp(responses, axis=0) > SAME).sum()) >= 2

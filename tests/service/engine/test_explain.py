@@ -166,15 +166,23 @@ def test_a_vertex_is_fired_by_the_constellation_that_excites_it_most():
 
 
 @pytest.mark.parametrize("pooling", ["mean", "max", "sum"])
-def test_with_the_gate_of_ranks_a_vertex_is_fired_by_a_constellation_of_its_own_rank(pooling: str):
-    of_rank = learnt().params.stimuli.model_copy(update={"gating": "rank", "pooling": pooling})
+@pytest.mark.parametrize("loud", ["segment_weight", "union_weight", "whole_weight"])
+def test_with_the_gate_of_ranks_a_vertex_is_fired_by_a_constellation_of_its_own_rank(pooling: str, loud: str):
+    weights = {"segment_weight": 0.0, "union_weight": 0.0, "whole_weight": 0.0, loud: 1.0}
+    of_rank = learnt().params.stimuli.model_copy(update={"gating": "rank", "pooling": pooling, **weights})
     model = replace(learnt(), params=learnt().params.model_copy(update={"stimuli": of_rank}))
-    top = int(model.ensemble.vertex_levels.max())
+    top, told = int(model.ensemble.vertex_levels.max()), 0
     for named, seen in list(zip(named_clouds(), perceived(), strict=True))[:5]:
         for fired in explained(model, named.cloud)[1].vertices:
-            segments = len(fired.segments)
-            expected = {1: segments == 1, top: segments == seen.graph.count}
-            assert expected.get(fired.level, segments > 1 or seen.graph.count == 1)
+            segments, told = len(fired.segments), told + 1
+            if loud == "segment_weight":
+                assert (fired.level, segments) == (1, 1)
+            elif loud == "union_weight":
+                assert 1 < fired.level < top
+                assert segments > 1 or seen.graph.count == 1
+            else:
+                assert (fired.level, segments) == (top, seen.graph.count)
+    assert told >= 5
 
 
 @presets

@@ -177,8 +177,7 @@ def test_with_the_gate_of_ranks_a_constellation_excites_no_vertex_of_another_ran
     assert refused > 0
 
 
-def test_unions_do_not_tell_how_many_segments_an_object_has():
-    """Every object excites unions as much as any other, those of one segment by themselves."""
+def test_every_object_excites_unions_as_much_as_any_other_that_of_one_segment_by_its_whole():
     params = StimuliParams(sigma=0.08, cutoff=0, segment_weight=0, union_weight=1, whole_weight=0)
     for seen in seen_objects():
         assert stimulated(seen, params).sum() == pytest.approx(learnt().ensemble.vertex_count, rel=1e-5)

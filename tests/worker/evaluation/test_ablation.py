@@ -13,7 +13,8 @@ from service.engine.model import ShapeModel
 from service.engine.perception import perceive
 from service.engine.stimuli import Stimuli
 from tests.learnt import learnt, named_clouds, perceived
-from worker.evaluation.ablation import Arm, arms_of, even, respond_by, restrict, stimuli_of
+from worker.evaluation.ablation import Arm, arms_of, even, respond_by, restrict, stimuli_of, tells_apart
+from worker.learning.train import train
 
 
 @cache
@@ -60,6 +61,38 @@ def test_with_every_level_left_the_model_is_what_it_was() -> None:
     own = np.stack([model.respond(named.cloud).responses for named in named_clouds()[:6]])
     seen = stimuli_of(model, [perceive(named.cloud, model.params) for named in named_clouds()[:6]])
     assert np.allclose(respond_by(restricted, arm, seen), own)
+
+
+def test_without_what_weighs_nothing_the_model_answers_as_it_does() -> None:
+    model, levels = learnt(), every_level(learnt())
+    arm = Arm("all but unions", (levels[0], levels[-1]))
+    restricted = restrict(evened(), arm)
+    assert restricted is not None
+    own = np.stack([model.respond(named.cloud).responses for named in named_clouds()[:6]])
+    assert np.allclose(respond_by(restricted, arm, clouds()), own)
+
+
+def test_evened_stimuli_are_those_of_a_model_that_is_trained_so() -> None:
+    params = learnt().params.model_copy(
+        update={"stimuli": learnt().params.stimuli.model_copy(update={"union_weight": 1.0})}
+    )
+    trained = train(named_clouds(), params).model
+    assert (trained.stimuli != evened().stimuli).nnz == 0
+
+
+def test_responses_that_are_the_same_for_all_clouds_tell_nothing() -> None:
+    alike = np.ones((5, 3))
+    assert not tells_apart(alike)
+    one = alike * [1, 1, 0]
+    one[2, 2] = 1
+    assert not tells_apart(one)
+    assert tells_apart(np.random.default_rng(0).random((5, 3)))
+
+
+def test_where_wholes_stand_on_several_levels_none_is_called_so() -> None:
+    names = {arm.name for arm in arms_of(learnt("paper").ensemble, whole_apart=False)}
+    assert not any("whole" in name for name in names)
+    assert "all but the highest motif level" in names
 
 
 def test_what_is_taken_away_has_no_say() -> None:

@@ -18,8 +18,8 @@ def ablation_figure(report: Report) -> Figure:
         key="ablation",
         title="What each motif level pays",
         caption="Each bar is how well labels are told when the model is learnt anew from some motif levels alone: "
-        "single segments, unions of several, whole objects; violet is the model with all of them, 1 is best, and thin "
-        "lines are 95 % intervals.",
+        "single segments, unions of several, whole objects; violet is the model as it is, 1 is best, and thin lines "
+        "are 95 % intervals. What weighs nothing in the model weighs as much as the rest in these.",
         panels=panels,
         tables=tuple(_table(report, place, *each) for place, each in enumerate(sets)),
         paper="Sec. Hierarchical Object Decomposition and Representation",
