@@ -52,12 +52,12 @@ ANSWER: dict[str, Any] = {
     "version": 1,
     "time": 0.9319999999999999,
     "responses": [
-        -15.727127501771278,
-        -7.40671071389545,
-        -16.856925768985207,
-        -2.24089138844424,
-        -19.090792374777678,
-        -8.54167047303028,
+        -20.497199517318137,
+        -11.860334719012513,
+        -17.208008444675997,
+        -2.089345207573217,
+        -18.26630172066423,
+        -7.270892716288401,
     ],
     "distances": [
         11.304278110830708,
@@ -71,19 +71,19 @@ ANSWER: dict[str, Any] = {
         {
             "id": 433,
             "name": None,
-            "response": -23.717405639401306,
+            "response": -21.060333521539548,
             "distance": 10.596042083198407,
             "rank": 1,
             "prototypes": 2,
             "time": 0.9319999999999999,
         },
         {
-            "id": 421,
+            "id": 430,
             "name": None,
-            "response": -19.448643249572584,
-            "distance": 10.523578729703809,
+            "response": -20.497199517318137,
+            "distance": 11.304278110830708,
             "rank": 2,
-            "prototypes": 2,
+            "prototypes": 82,
             "time": 0.9319999999999999,
         },
     ],
@@ -93,22 +93,17 @@ ANSWER: dict[str, Any] = {
     "truncated": False,
     "warnings": [],
     "timings_ms": {
-        "decode": 0.471,
-        "normalise": 2.147,
-        "patches": 1.01,
-        "segments": 9.163,
-        "constellations": 0.133,
-        "descriptors": 1.927,
-        "stimuli": 31.124,
-        "novelty": 0.396,
-        "responses": 0.819,
+        "decode": 0.373,
+        "normalise": 2.152,
+        "patches": 0.99,
+        "segments": 0.731,
+        "constellations": 0.103,
+        "descriptors": 1.913,
+        "stimuli": 7.877,
+        "novelty": 0.326,
+        "responses": 0.748,
     },
 }
-
-
-def _near(number: int, sha256: str, distance: float) -> dict[str, Any]:
-    return {"object": number, "key": f"simulated/7/{number}", "hash": sha256, "distance": distance}
-
 
 SCENE_ANSWER: dict[str, Any] = {
     "model": "default",
@@ -147,6 +142,11 @@ SCENE_ANSWER: dict[str, Any] = {
     "warnings": [],
     "timings_ms": {"decode": 9.412, "tabletop": 102.349, "normalise": 6.02, "responses": 1.113},
 }
+
+
+def _near(number: int, sha256: str, distance: float) -> dict[str, Any]:
+    return {"object": number, "key": f"simulated/7/{number}", "hash": sha256, "distance": distance}
+
 
 EXPLANATION: dict[str, Any] = {
     "segments": [
@@ -217,9 +217,9 @@ EXPLANATION: dict[str, Any] = {
             ],
         },
         {
-            "id": 421,
+            "id": 430,
             "nearest": [
-                _near(17, "7c40162476344a13c181af765942add17148dc5f8cecc300a040d365104d2c49", 10.069254967551688)
+                _near(103, "80cea30fff4ef82c29819d5ef00dcbcda536ec0b780722dc9c010d927cd9911c", 8.311741842543485)
             ],
         },
     ],
@@ -236,9 +236,9 @@ READINESS: dict[str, Any] = {"model": "default", "version": 1, "models": ["defau
 MANIFEST: dict[str, Any] = {
     "name": "default",
     "version": 1,
-    "created": "2026-11-22T08:53:39Z",
+    "created": "2026-11-22T10:37:34Z",
     "format": "shape-concepts-model",
-    "format_version": 3,
+    "format_version": 4,
     "seed": 7,
     "params": ModelParams().model_dump(mode="json"),
     "source": {
@@ -269,8 +269,8 @@ MANIFEST: dict[str, Any] = {
     "notes": [],
     "contents": {
         "model.safetensors": {
-            "sha256": "cb070b5f6cfb9d27a04c0899f9e69fbf9808af74fb32b056cf40468f77c8eadf",
-            "size": 4948418,
+            "sha256": "ecf076753dd9d645a029027c2c62b2c40f3acdb4c2b132aa94aee2b304e43138",
+            "size": 4966042,
         }
     },
     "libraries": {
@@ -283,7 +283,7 @@ MANIFEST: dict[str, Any] = {
         "open3d-cpu": "0.20.0",
         "sapien": "3.0.3",
     },
-    "digest": "026fd0d1737a8333ffededc4aca6d7ea6d6259dbc25ac4254cbf62c3055722e3",
+    "digest": "450b95fbbd9f5ae802337bdbcd327cf03af8bc21faec31915549c7631cc61ff9",
 }
 
 _ERRORS: tuple[ShapeConceptsError, ...] = (
