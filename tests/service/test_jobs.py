@@ -108,7 +108,7 @@ def test_the_service_starts_without_the_job_engine_and_says_what_to_install(tmp_
         "from service.application import Application; from service.jobs import JobSpec\n"
         "from service.settings import Settings\n"
         f"application = Application(Settings(store={str(tmp_path)!r}, jobs_url='sqlite:///{tmp_path}/jobs.sqlite'))\n"
-        "assert application.models() == []\n"
+        "assert [model.name for model in application.models()] == ['default']\n"
         "try: application.submit(JobSpec.of(name='toys', simulate=2))\n"
         "except Exception as error: print(error)\n"
     )
