@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import time as clock
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +13,6 @@ from service import clouds
 from service.access import Gate, needs_keys
 from service.aliases import AliasEntry
 from service.answer import Answer, compose
-from service.built_in import built_in
 from service.catalogue import (
     AnnexationGraph,
     Barcode,
@@ -27,23 +23,22 @@ from service.catalogue import (
     tell_barcode,
     tell_tree,
 )
+from service.choosing import Choosing, Meant
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidCloud, InvalidParameter, ModelNotFound, ShapeConceptsError, TooManyPoints
-from service.engine.model import OnStage, ShapeModel, ignore_stage
+from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
+from service.engine.model import OnStage, ignore_stage
 from service.jobs import Job, Jobs, JobSpec
 from service.keys import AccessKey, KeyStore
-from service.lately import Answers, Models
+from service.lately import Answers
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.settings import Settings
-from service.store import NO_MODEL, PRODUCTION, REFERENCE, ModelStore
+from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
-
-LOOKING = 1.0  # seconds that are spent on looking up what aliases mean, for the metrics
 
 
 class CloudFile(NamedTuple):
@@ -98,33 +93,6 @@ class Readiness(BaseModel):
     built_in: bool = Field(False, description="whether it is the one that came with the service: the store holds none")
 
 
-class _Source(NamedTuple):
-    """Models that are read: a store, what of it is in memory, and the names of its concepts."""
-
-    store: ModelStore
-    models: Models
-    naming: Naming
-
-    @classmethod
-    def of(cls, store: ModelStore, limit: int, answers: Answers, *, fixed: bool = False) -> _Source:
-        models = Models(lambda name, version: store.load(name, version)[0], limit)
-        return cls(store, models, Naming(store, models, answers, fixed=fixed))
-
-
-class _Meant(NamedTuple):
-    """The version of a model that a request means."""
-
-    source: _Source
-    name: str
-    version: int
-
-    def model(self) -> ShapeModel:
-        return self.source.models.get(self.name, self.version)
-
-    def names(self) -> Mapping[int, str]:
-        return self.source.naming.names(self.name, self.version).of
-
-
 class Application:
     """The service without its transports.
 
@@ -141,18 +109,15 @@ class Application:
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)
         self._answers = Answers()
-        self._own = _Source.of(self.store, settings.loaded_models, self._answers)
-        self._built_in = _Source.of(built_in(), 1, self._answers, fixed=True) if settings.built_in else None
+        self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None)
-        self._has_models = not settings.built_in  # whether the store is known to hold any
-        self._aliases: dict[tuple[str, str], int] = {}
         self.telemetry.metrics.watch(self._state)
 
     @property
     def naming(self) -> Naming:
         """The use cases on names of concepts."""
-        return self._source().naming
+        return self._choosing.source().naming
 
     def close(self) -> None:
         """Waits for the work under way."""
@@ -194,7 +159,7 @@ class Application:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
         """
         _check_top(top)
-        meant = self._meant(model, version, alias)
+        meant = self._choosing.meant(model, version, alias)
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
@@ -228,7 +193,7 @@ class Application:
             NoSupportingPlane: there is nothing that objects could stand on.
         """
         _check_top(top)
-        meant = self._meant(model, version, alias)
+        meant = self._choosing.meant(model, version, alias)
         shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
@@ -266,7 +231,7 @@ class Application:
         Raises:
             InvalidParameter: the time is not in [0, 1].
         """
-        spectrum = self._meant(name, version).model().spectrum(time)
+        spectrum = self._choosing.meant(name, version).model().spectrum(time)
         return ConceptOrder(spectrum.ids, spectrum.times)
 
     def which(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
@@ -276,7 +241,7 @@ class Application:
             InvalidParameter: the three contradict each other, or several models could be meant.
             ModelNotFound: there is no such model.
         """
-        meant = self._meant(model, version, alias)
+        meant = self._choosing.meant(model, version, alias)
         return meant.name, meant.version
 
     def prepare(self, model: str | None, version: int | None = None, alias: str | None = None) -> tuple[str, int]:
@@ -285,7 +250,7 @@ class Application:
         Raises:
             ModelDamaged, ModelIncompatible: the model cannot be used.
         """
-        meant = self._meant(model, version, alias)
+        meant = self._choosing.meant(model, version, alias)
         meant.model()
         return meant.name, meant.version
 
@@ -297,17 +262,19 @@ class Application:
             StoreUnavailable: it cannot be read, and could not be before.
             ModelDamaged, ModelIncompatible: the default model cannot be used.
         """
-        source = self._source()
-        names = self._names(source)
+        source = self._choosing.source()
+        names = self._choosing.names(source)
         if self.settings.model is None and len(names) > 1:
             return Readiness(model=None, version=None, models=names)
-        meant = self._meant(None)
+        meant = self._choosing.meant(None)
         meant.model()
-        return Readiness(model=meant.name, version=meant.version, models=names, built_in=meant.source is self._built_in)
+        return Readiness(
+            model=meant.name, version=meant.version, models=names, built_in=self._choosing.is_lent(meant.source)
+        )
 
     def models(self) -> list[ModelSummary]:
         """All models with their versions and aliases: those of the store, or the built-in one if it holds none."""
-        return [self.model(name) for name in self._source().store.names()]
+        return [self.model(name) for name in self._choosing.source().store.names()]
 
     def model(self, name: str) -> ModelSummary:
         """A model with its versions and aliases.
@@ -315,13 +282,13 @@ class Application:
         Raises:
             ModelNotFound: there is no such model.
         """
-        source = self._source()
+        source = self._choosing.source()
         versions, aliases = source.store.require(name), source.store.aliases(name)
-        return ModelSummary(name=name, versions=versions, aliases=aliases, built_in=source is self._built_in)
+        return ModelSummary(name=name, versions=versions, aliases=aliases, built_in=self._choosing.is_lent(source))
 
     def manifest(self, name: str, version: int) -> Manifest:
         """How a version was made."""
-        store = self._source().store
+        store = self._choosing.source().store
         return self._answers.get(
             f"the manifest of {name}:{version} in {store.url}", lambda: store.manifest(name, version)
         )
@@ -332,20 +299,20 @@ class Application:
         Raises:
             InvalidParameter: the time is not in [0, 1].
         """
-        meant = _Meant(self._source(), name, version)
+        meant = Meant(self._choosing.source(), name, version)
         return list_concepts(meant.model(), (name, version), time, meant.names())
 
     def barcode(self, name: str, version: int) -> Barcode:
         """The bars of H_0 of a version's filtration."""
-        return tell_barcode(_Meant(self._source(), name, version).model(), (name, version))
+        return tell_barcode(Meant(self._choosing.source(), name, version).model(), (name, version))
 
     def annexations(self, name: str, version: int) -> AnnexationGraph:
         """The annexation graph F of a version."""
-        return tell_annexations(_Meant(self._source(), name, version).model(), (name, version))
+        return tell_annexations(Meant(self._choosing.source(), name, version).model(), (name, version))
 
     def tree(self, name: str, version: int) -> Tree:
         """The spanning tree of a version's topological space."""
-        return tell_tree(_Meant(self._source(), name, version).model(), (name, version))
+        return tell_tree(Meant(self._choosing.source(), name, version).model(), (name, version))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
@@ -357,7 +324,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._meant(name, version).model().prototypes.thumbnails
+        thumbnails = self._choosing.meant(name, version).model().prototypes.thumbnails
         if not 0 <= number < len(thumbnails):
             raise InvalidParameter(
                 f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
@@ -370,13 +337,13 @@ class Application:
         Raises:
             ModelNotFound: there is no such model.
         """
-        store = self._source().store
+        store = self._choosing.source().store
         store.require(name)
         return {alias: store.alias_history(name, alias) for alias in store.aliases(name)}
 
     def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
         """Writes a version's files into a folder; returns them."""
-        return self._source().store.export(name, version, out_dir)
+        return self._choosing.source().store.export(name, version, out_dir)
 
     def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
         """Lets an alias mean the version that a reference names; returns its name and version."""
@@ -427,73 +394,17 @@ class Application:
             max_points=limit,
         )
 
-    def _meant(self, model: str | None, version: int | None = None, alias: str | None = None) -> _Meant:
-        """As `which`."""
-        source = self._source()
-        reference = model or self.settings.model or self._only_model(source)
-        if version is not None and alias is not None:
-            raise InvalidParameter(f"Give a version or an alias, not both: they were {version} and '{alias}'.")
-        if version is None and alias is None:
-            return self._resolve(source, reference)
-        name, *qualifier = re.split("[@:]", reference, maxsplit=1)
-        if qualifier and model:
-            raise InvalidParameter(f"The model '{model}' says its version or alias already; do not give another.")
-        return self._resolve(source, f"{name}:{version}" if alias is None else f"{name}@{alias}")
-
-    def _source(self) -> _Source:
-        """What is read: the store, or the built-in model until the store holds one."""
-        if self._built_in is None or self._has_models:
-            return self._own
-        # Believed like any other answer of the store, so that a request has models from one source alone.
-        if self._answers.get("whether there is a model", lambda: bool(self.store.names())):
-            self._has_models = True
-            return self._own
-        return self._built_in
-
-    def _only_model(self, source: _Source) -> str:
-        names = self._names(source)
-        if len(names) == 1:
-            return names[0]
-        raise InvalidParameter(f"Say which model is meant: there are {', '.join(names)}.")
-
-    def _resolve(self, source: _Source, reference: str) -> _Meant:
-        store = source.store
-        found = self._answers.get(f"the model {reference} in {store.url}", lambda: store.resolve(reference))
-        if (match := REFERENCE.fullmatch(reference)) and not match["version"]:
-            self._aliases[(found[0], match["alias"] or PRODUCTION)] = found[1]
-        return _Meant(source, *found)
-
     def _state(self) -> State:
         """How the service stands, for its metrics."""
-        source = self._own if self._has_models else self._built_in or self._own
-        until = clock.monotonic() + LOOKING
-        for name, alias in list(self._aliases):
-            if clock.monotonic() < until:  # a store that is away holds up nobody who wants to know how we are
-                try:
-                    self._resolve(source, f"{name}@{alias}")
-                except ModelNotFound:
-                    self._aliases.pop((name, alias), None)
-                except ShapeConceptsError:
-                    continue  # the version that was served last stays
         return State(
             at_work=self.pool.at_work,
             waiting=self.pool.waiting,
             places=self.pool.places,
             held=self.intake.held,
             limit=self.intake.limit,
-            loaded=source.models.loaded(),
-            serving=dict(self._aliases),
+            loaded=self._choosing.loaded(),
+            serving=self._choosing.serving(),
         )
-
-    def _names(self, source: _Source) -> list[str]:
-        """Names of all models; there is at least one."""
-
-        def read() -> list[str]:
-            if names := source.store.names():
-                return names
-            raise ModelNotFound(NO_MODEL)
-
-        return self._answers.get(f"the models that there are in {source.store.url}", read)
 
 
 def parse_viewpoint(text: str) -> clouds.Viewpoint:
