@@ -118,6 +118,8 @@ def test_a_replica_killed_and_an_alias_moved_under_load_lose_no_answer_and_mix_n
         with ThreadPoolExecutor(CLIENTS) as pool, httpx.Client(timeout=60) as client:
             for work in [pool.submit(ask, client) for _ in range(CLIENTS)]:
                 work.result()
+        time.sleep(max(0.0, moved[0] + TAKEN_UP - time.monotonic()))
+        assert httpx.post(f"{second}/v1/responses", content=clouds[0]).json()["version"] == 2
 
     assert failures == []
     assert sorted(each.number for each in answered) == list(range(REQUESTS))

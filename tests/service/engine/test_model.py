@@ -319,7 +319,7 @@ def test_a_million_points_answer_in_seconds_and_bounded_memory(kind: str):
     elapsed, peak = time.perf_counter() - started, tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert np.isfinite(response.responses).all()
-    assert elapsed < 60  # a second alone; others may keep the machine busy
+    assert elapsed < 15
     assert peak < 600e6
 
 
