@@ -123,7 +123,8 @@ def train(
     """
     from joblib import parallel_config
 
-    from service.store import ModelStore, check_name
+    from service.model_file import check_name
+    from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
 

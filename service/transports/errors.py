@@ -10,8 +10,15 @@ import re
 from typing import Any, NamedTuple
 
 from service.engine.errors import (
+    ArchiveTooLarge,
     Cancelled,
+    CloudExists,
+    CloudNotFound,
     ConceptNotFound,
+    DatasetDamaged,
+    DatasetExists,
+    DatasetInUse,
+    DatasetNotFound,
     InvalidCloud,
     InvalidParameter,
     JobNotFound,
@@ -29,8 +36,11 @@ from service.engine.errors import (
     ShapeConceptsError,
     StoreUnavailable,
     TooManyPoints,
+    UnreadableArchive,
     UnreadableCloud,
     UnsupportedFormat,
+    UploadConflict,
+    UploadNotFound,
 )
 
 MEDIA_TYPE = "application/problem+json"
@@ -68,6 +78,16 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
     ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
     StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
+    DatasetNotFound: Status(404, "NOT_FOUND", "There is no such dataset"),
+    DatasetExists: Status(409, "ALREADY_EXISTS", "There is another dataset of that name"),
+    DatasetInUse: Status(409, "FAILED_PRECONDITION", "A model learnt from the dataset"),
+    DatasetDamaged: Status(500, "DATA_LOSS", "The dataset is damaged"),
+    CloudNotFound: Status(404, "NOT_FOUND", "There is no such cloud"),
+    CloudExists: Status(409, "ALREADY_EXISTS", "There is another cloud of that key"),
+    UnreadableArchive: Status(400, "INVALID_ARGUMENT", "The archive cannot be read"),
+    ArchiveTooLarge: Status(413, "INVALID_ARGUMENT", "The archive is too large"),
+    UploadNotFound: Status(404, "NOT_FOUND", "There is no such upload"),
+    UploadConflict: Status(409, "ABORTED", "The piece does not follow"),
     JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
     JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=True, private=True),
     NotAuthenticated: Status(401, "UNAUTHENTICATED", "An access key is needed"),
