@@ -27,8 +27,7 @@ from service.choosing import Choosing, Meant
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
-from service.job_specs import JobSpec
-from service.jobs import Job, Jobs
+from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.metrics import State
@@ -40,6 +39,7 @@ from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
+from service.training import Training
 
 
 class CloudFile(NamedTuple):
@@ -108,7 +108,7 @@ class Application:
         self.store = ModelStore(settings.store)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
-        self._jobs = Jobs(settings.jobs_url)
+        self.training = Training(Jobs(settings.jobs_url), self.store)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
@@ -124,7 +124,7 @@ class Application:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
-        self._jobs.close()
+        self.training.close()
         self.telemetry.close()
 
     def respond(
@@ -358,22 +358,6 @@ class Application:
         version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
-
-    def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
-        """Puts a job into the queue; submitted again under the same id, it is the same job."""
-        return self._jobs.submit(spec, job_id)
-
-    def job(self, job_id: str) -> Job:
-        """A job as it stands."""
-        return self._jobs.show(job_id)
-
-    def jobs(self, limit: int | None = None) -> list[Job]:
-        """Jobs, the one submitted last first."""
-        return self._jobs.recent(limit)
-
-    def cancel(self, job_id: str) -> Job:
-        """Takes a job from the queue, or stops it."""
-        return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
         return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud

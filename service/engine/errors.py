@@ -139,6 +139,18 @@ class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 
 
+class JobConflict(ShapeConceptsError):
+    """The job is in a state in which this cannot be done."""
+
+
+class JobTimedOut(ShapeConceptsError):
+    """The job was at work for longer than it was allowed to."""
+
+
+class StageDied(ShapeConceptsError):
+    """The process that was at work on a stage of the job was killed, most likely for want of memory."""
+
+
 class NotAuthenticated(ShapeConceptsError):
     """The request bears no access key that is valid here."""
 
