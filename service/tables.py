@@ -318,7 +318,7 @@ def _outcome(job: Job) -> str:
         return f"{job.error.type}: {job.error.detail}"
     result = job.result
     if result is None:
-        return _underway(job.progress) if job.progress and job.state == "running" else "-"
+        return underway(job.progress) if job.progress and job.state == "running" else "-"
     if result.kind == "simulate":
         return f"{result.clouds} clouds in dataset {result.dataset}"
     figures = ", ".join(f"{name} {value:.3f}" for name, value in (result.metrics or {}).items())
@@ -329,7 +329,8 @@ def _outcome(job: Job) -> str:
     return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}"
 
 
-def _underway(progress: Progress) -> str:
+def underway(progress: Progress) -> str:
+    """How far a job is, in a line."""
     done = f" {progress.done} of {progress.total}" if progress.total else ""
     left = f", about {progress.left_s:.0f} s left" if progress.left_s is not None else ""
     return f"{progress.stage}{done} (stage {progress.stages_done + 1} of {progress.stages}{left})"

@@ -93,7 +93,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     UploadConflict: Status(409, "ABORTED", "The piece does not follow"),
     JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
     JobConflict: Status(409, "FAILED_PRECONDITION", "The job is in another state"),
-    JobTimedOut: Status(504, "DEADLINE_EXCEEDED", "The job took too long"),
+    JobTimedOut: Status(422, "FAILED_PRECONDITION", "The job took too long"),
     StageDied: Status(500, "INTERNAL", "A stage of the job was killed"),
     JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=True, private=True),
     NotAuthenticated: Status(401, "UNAUTHENTICATED", "An access key is needed"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from service.engine.errors import (
+    JobConflict,
     ModelDamaged,
     ModelNotFound,
     NotAllowed,
@@ -299,6 +300,7 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."
     ),
+    JobConflict("The job 'nightly-2025-01-31' is done; submit another one to do it again."),
     Overloaded("36 requests are already at work or waiting; try again in a second."),
     ModelDamaged("default:1 is refused. model.safetensors was cut off or replaced."),
     StoreUnavailable(),
