@@ -87,10 +87,11 @@ class Pulse:
         owners = self._jobs.owners()
         if (current := self._job) is not None:
             job, report = current
-            report.write()
             if owners.get(job) != self._name and self._job is current:
                 self._verdict = "cancelled" if self._jobs.show(job).state == "cancelled" else "lost"
         self._look_after(owners)
+        if current is not None:
+            current[1].write()
 
     def _look_after(self, owners: dict[str, str]) -> None:
         """Hands jobs back that nobody is at.
