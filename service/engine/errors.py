@@ -55,6 +55,10 @@ class NoSupportingPlane(InvalidCloud):
     """The scene has no plane on which objects could stand."""
 
 
+class ContentTooLarge(ShapeConceptsError):
+    """The body of the request, its message or its payload, is larger than the limit, or holds more clouds."""
+
+
 class UnreadableCloud(ShapeConceptsError):
     """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
 

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import Message
 
-from service.engine.errors import Cancelled
+from service.engine.errors import Cancelled, ContentTooLarge
 from service.settings import Settings
 
 
@@ -45,7 +45,8 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
 
     Raises:
         Cancelled: the client hung up.
-        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+        ContentTooLarge: the body is larger than the limit.
+        HTTPException: 408, it did not arrive in time.
     """
     _check_announced(request, limits.max_bytes)
     try:
@@ -63,9 +64,9 @@ def _check_announced(request: Request, max_bytes: int) -> None:
         raise _too_large(max_bytes)
 
 
-def _too_large(max_bytes: int) -> HTTPException:
-    return HTTPException(
-        413, f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
+def _too_large(max_bytes: int) -> ContentTooLarge:
+    return ContentTooLarge(
+        f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
     )
 
 

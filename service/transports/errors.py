@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from service.engine.errors import (
     Cancelled,
     ConceptNotFound,
+    ContentTooLarge,
     InvalidCloud,
     InvalidParameter,
     JobNotFound,
@@ -60,6 +61,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     UnreadableCloud: Status(400, "INVALID_ARGUMENT", "The cloud cannot be read"),
     UnsupportedFormat: Status(415, "INVALID_ARGUMENT", "The format of the cloud is not supported"),
     InvalidCloud: Status(422, "INVALID_ARGUMENT", "The cloud cannot be answered"),
+    ContentTooLarge: Status(413, "RESOURCE_EXHAUSTED", "The body is too large"),
     TooManyPoints: Status(413, "INVALID_ARGUMENT", "The cloud has too many points"),
     NotEnoughSamples: Status(422, "FAILED_PRECONDITION", "There are too few clouds to learn from"),
     RendererUnavailable: Status(503, "FAILED_PRECONDITION", "There is no renderer"),
