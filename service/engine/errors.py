@@ -116,7 +116,15 @@ class KeyNotFound(ShapeConceptsError):
 
 
 class RateExceeded(ShapeConceptsError):
-    """The access key's requests are too many, a second or at a time; try again later."""
+    """The access key's requests are too many, a second or at a time; try again later.
+
+    Attributes:
+        after: seconds after which it may.
+    """
+
+    def __init__(self, message: str = "", after: float = 0) -> None:
+        super().__init__(message)
+        self.after = after
 
 
 class Overloaded(ShapeConceptsError):

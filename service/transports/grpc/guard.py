@@ -42,7 +42,7 @@ class Refusal(Exception):
 
 
 LATE = errors.Status(408, "DEADLINE_EXCEEDED", "The request took too long to arrive")
-ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=True)
+ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=errors.RETRY_AFTER)
 
 
 class _Problem(NamedTuple):

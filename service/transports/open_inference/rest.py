@@ -130,7 +130,7 @@ def _ours(request: Request, error: ShapeConceptsError) -> Response:
         log.error("%s %s: %s: %s", _request_id(request), request.url.path, error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", _request_id(request), request.url.path, error)
-    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    headers = {"Retry-After": str(status.retry)} if status.retry else {}
     return _answer(
         status.http, _detail(error), headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {})
     )

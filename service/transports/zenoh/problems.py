@@ -32,7 +32,7 @@ def problem_of(error: BaseException, place: str, occurrence: str) -> dict[str, A
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", occurrence, place, error)
     document = errors.problem_of(error, occurrence)
-    return document | {"retry_after": errors.RETRY_AFTER} if status.retry else document
+    return document | {"retry_after": status.retry} if status.retry else document
 
 
 def check_size(count: int, limit: int) -> None:
