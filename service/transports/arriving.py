@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import Message
 
+from service.access import Caller
 from service.engine.errors import Cancelled, ContentTooLarge
 from service.settings import Settings
 
@@ -29,9 +30,9 @@ class Limits(NamedTuple):
     pause: float
 
 
-def limits_of(settings: Settings) -> Limits:
-    """What the settings allow."""
-    return Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+def limits_of(settings: Settings, caller: Caller) -> Limits:
+    """What the settings allow to a caller."""
+    return Limits(caller.max_body, settings.body_timeout, settings.body_pause)
 
 
 @asynccontextmanager

@@ -88,9 +88,9 @@ INTERNAL = Status(500, "INTERNAL", "Something unexpected went wrong")
 def status_of(error: ShapeConceptsError) -> Status:
     """The status of an error: its class's, or the nearest base's that the table has."""
     status = next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
-    return (
-        status._replace(retry=max(status.retry, math.ceil(error.after))) if isinstance(error, RateExceeded) else status
-    )
+    if isinstance(error, RateExceeded):
+        return status._replace(retry=max(status.retry, math.ceil(error.after)))
+    return status
 
 
 def problem(type_name: str, title: str, status: int, detail: str, request_id: str) -> dict[str, Any]:
