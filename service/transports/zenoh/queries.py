@@ -14,6 +14,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
+from service.access import Caller
 from service.application import Application, CloudFile
 from service.engine.errors import InvalidParameter
 from service.transports.errors import MEDIA_TYPE
@@ -94,16 +95,18 @@ class Queries:
                 await asyncio.to_thread(_reply, query, answer)
 
     def _respond(self, query: zenoh.Query) -> str:
-        with self._application.access.entered(_access_key(query), "answer"):
-            return self._answered(query)
+        with self._application.access.entered(_access_key(query), "answer") as caller:
+            return self._answered(query, caller)
 
-    def _answered(self, query: zenoh.Query) -> str:
+    def _answered(self, query: zenoh.Query, caller: Caller) -> str:
+        check_size(0 if query.payload is None else len(query.payload), caller.max_body)
         asked = parse(query.parameters)
         model = _model_of(str(query.key_expr))
         data = b"" if query.payload is None else query.payload.to_bytes()
         format = asked.format or format_of(query.encoding)
         cloud = CloudFile(data, format, unit=asked.unit, viewpoint=asked.pose, camera=asked.camera)
         flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
+        flags["max_points"] = caller.max_points
         respond = self._application.respond_scene if asked.scene else self._application.respond
         answer = respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
         return answer.model_dump_json()
