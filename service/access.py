@@ -64,12 +64,12 @@ class Gate:
         return self._valid is None
 
     @contextmanager
-    def entered(self, text: str | None, scope: Scope) -> Iterator[Caller]:
+    def entered(self, text: str | None, *scopes: Scope) -> Iterator[Caller]:
         """The caller, for as long as the request is under way.
 
         Args:
             text: the access key as the client sent it, None for none.
-            scope: what the request does.
+            scopes: what the request does; a key that allows one of them lets it in.
 
         Raises:
             NotAuthenticated: there is no key, or it is unknown or revoked.
@@ -79,7 +79,7 @@ class Gate:
         if self._valid is None:
             yield self.anybody
             return
-        key = self._known(text, scope)
+        key = self._known(text, scopes)
         if (seen := current()) is not None:
             seen.caller = key.id
         self._enter(key)
@@ -89,13 +89,14 @@ class Gate:
             with self._lock:
                 self._spent[key.id].under_way -= 1
 
-    def _known(self, text: str | None, scope: Scope) -> AccessKey:
+    def _known(self, text: str | None, scopes: tuple[Scope, ...]) -> AccessKey:
         if not text:
             raise NotAuthenticated("An access key is needed; ask the operator of the service for one.")
         assert self._valid is not None
         key = authenticate(text, self._valid())
-        if scope not in key.scopes:
-            raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {scope}.")
+        if not set(scopes) & set(key.scopes):
+            allowed, wanted = ", ".join(key.scopes), " or ".join(scopes)
+            raise NotAllowed(f"The access key '{key.name}' allows to {allowed}, not to {wanted}.")
         return key
 
     def _caller(self, key: AccessKey) -> Caller:

@@ -24,6 +24,7 @@ from service.catalogue import (
     tell_tree,
 )
 from service.choosing import Choosing, Meant
+from service.dataset_cases import DatasetCases
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
@@ -105,6 +106,7 @@ class Application:
         self.settings = settings
         self.telemetry = telemetry or Telemetry()
         self.store = ModelStore(settings.store)
+        self.datasets = DatasetCases(self.store, settings)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         self._jobs = Jobs(settings.jobs_url)

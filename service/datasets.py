@@ -24,7 +24,7 @@ from pydantic import ValidationError
 from service import clouds
 from service.clouds.formats import tell
 from service.dataset_keys import check_key, key_of, path_of
-from service.dataset_records import Dataset, DatasetSummary, Entry, Outcome, Verdict, digest_of, refusal
+from service.dataset_records import Dataset, DatasetSummary, Entry, Outcome, Verdict, digest_of, numbers_of, refusal
 from service.engine.cloud import normalise
 from service.engine.errors import (
     CloudExists,
@@ -375,7 +375,7 @@ def _validated(
         format=format or "",
         points=len(cloud.points),
         unit=unit,
-        viewpoint=None if viewpoint is None else (*viewpoint.position, *viewpoint.orientation),
+        viewpoint=numbers_of(viewpoint),
         added=datetime.now(UTC).replace(microsecond=0),
     )
 

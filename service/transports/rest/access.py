@@ -40,14 +40,20 @@ def caller_of(request: Request) -> Caller:
     return caller
 
 
-def reading(application: Application, otherwise: Scope) -> Dependency:
-    """As `needing`: whoever may have answers may read, and who alters something needs another scope."""
+def reading(application: Application, otherwise: Scope, readers: tuple[Scope, ...] = ("answer",)) -> Dependency:
+    """As `needing`: whoever may have answers may read, and who alters something needs another scope.
+
+    Args:
+        application: that is asked.
+        otherwise: what alters something.
+        readers: of these scopes, one is enough to read.
+    """
 
     def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
     ) -> Iterator[None]:
-        scope: Scope = "answer" if request.method in READING else otherwise
-        with application.access.entered(sent.credentials if sent else None, scope) as request.state.caller:
+        scopes = readers if request.method in READING else (otherwise,)
+        with application.access.entered(sent.credentials if sent else None, *scopes) as request.state.caller:
             yield
 
     result: Any = Depends(enter)

@@ -106,8 +106,8 @@ def _read_examples(paths: dict[str, Any]) -> None:
     for operations in paths.values():
         for operation in operations.values():
             for answer in operation["responses"].values():
-                for content in answer.get("content", {}).values():
-                    if isinstance(content.get("example"), str):
+                for media_type, content in answer.get("content", {}).items():
+                    if media_type == "application/json" and isinstance(content.get("example"), str):
                         content["example"] = json.loads(content["example"])
 
 
