@@ -6,6 +6,7 @@ import posixpath
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from pydantic import BaseModel, Field, ValidationError
@@ -25,6 +26,7 @@ from service.engine.errors import (
     ModelIncompatible,
     ShapeConceptsError,
     StoreUnavailable,
+    UnreadableCloud,
     UnsupportedFormat,
 )
 from service.labels import FILE as LABELS
@@ -170,20 +172,25 @@ class DatasetCases:
         self.store.about(name)
         archive = Archive(file, self.bounds)
         archive.check()
-        told: dict[str, Entry] = {}
-        tables: list[Member] = []
-        for member in archive.members(_is_wanted):
-            if posixpath.basename(member.name) == LABELS:
-                tables.append(member)
-            elif member.name == ABOUT:
-                told = _told(member)
-                yield _left_out(member.name)
-            elif not _is_wanted(member.name):
-                yield _left_out(member.name)
-            else:
-                yield self._take(name, member, how, told.get(member.name))
-        for table in tables:
-            yield self._take_table(name, table)
+        yield from self._take_all(name, archive.members(_is_wanted), how)
+
+    def take_folder(self, name: str, folder: Path, how: Reading) -> Iterator[Verdict]:
+        """Adds the clouds of a folder and below it, by their paths in it, and the labels that it holds.
+
+        Raises:
+            DatasetNotFound: there is no such dataset.
+        """
+        self.store.about(name)
+        files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+        yield from self._take_all(name, (self._read(file, folder / file) for file in files), how)
+
+    def take_file(self, name: str, key: str, path: Path, how: Reading) -> Verdict:
+        """Adds the cloud of a file.
+
+        Raises:
+            DatasetNotFound: there is no such dataset.
+        """
+        return self._take(name, self._read(key, path, always=True), how, None)
 
     def snapshot(self, name: str) -> Packed:
         """All that a dataset holds now, but for the files of its clouds.
@@ -275,6 +282,34 @@ class DatasetCases:
         self.uploads.remove(upload.id)
 
     # Inside
+
+    def _take_all(self, name: str, members: Iterator[Member], how: Reading) -> Iterator[Verdict]:
+        told: dict[str, Entry] = {}
+        tables: list[Member] = []
+        for member in members:
+            if not _is_wanted(member.name):
+                yield _left_out(member.name)
+            elif member.name == ABOUT:
+                told = _told(member)
+                yield _left_out(member.name)
+            elif posixpath.basename(member.name) == LABELS:
+                tables.append(member)
+            else:
+                yield self._take(name, member, how, told.get(member.name))
+        for table in tables:
+            yield self._take_table(name, table)
+
+    def _read(self, name: str, path: Path, *, always: bool = False) -> Member:
+        """A file as a member of its folder; without its bytes where nobody wants them."""
+        if not always and not _is_wanted(name):
+            return Member(name, b"")
+        try:
+            if (size := path.stat().st_size) > self.bounds.member:
+                too_large = f"The file has {size} bytes; at most {self.bounds.member} are taken of one cloud."
+                return Member(name, ArchiveTooLarge(too_large))
+            return Member(name, path.read_bytes())
+        except OSError as error:
+            return Member(name, UnreadableCloud(f"The file cannot be read: {error.strerror}."))
 
     def _take(self, name: str, member: Member, how: Reading, told: Entry | None) -> Verdict:
         if not isinstance(member.data, bytes):
