@@ -37,6 +37,7 @@ from service.store import ModelStore
 from service.uploads import Upload, Uploads
 
 ABOUT = "dataset.json"  # in an archive: how its clouds are read, where they do not say so themselves
+SAID = 1024  # bytes that it says of each cloud at most
 TOLD = 100  # keys that an answer lists
 
 
@@ -172,7 +173,8 @@ class DatasetCases:
         self.store.about(name)
         archive = Archive(file, self.bounds)
         archive.check()
-        yield from self._take_all(name, archive.members(_is_wanted), how)
+        told: dict[str, Entry] = {}
+        yield from self._take_all(name, archive.members(lambda file: file in told or _is_wanted(file)), how, told)
 
     def take_folder(self, name: str, folder: Path, how: Reading) -> Iterator[Verdict]:
         """Adds the clouds of a folder and below it, by their paths in it, and the labels that it holds.
@@ -182,7 +184,7 @@ class DatasetCases:
         """
         self.store.about(name)
         files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-        yield from self._take_all(name, (self._read(file, folder / file) for file in files), how)
+        yield from self._take_all(name, (self._read(file, folder / file) for file in files), how, {})
 
     def take_file(self, name: str, key: str, path: Path, how: Reading) -> Verdict:
         """Adds the cloud of a file.
@@ -248,15 +250,10 @@ class DatasetCases:
         Raises:
             DatasetNotFound: there is no such dataset.
             InvalidParameter: the key cannot be one.
-            ArchiveTooLarge: the whole is larger than what is taken.
         """
         self.store.about(name)
         if key is not None:
             check_key(key)
-        most = self._settings.max_archive if key is None else self._settings.max_body
-        if length > most:
-            what = "an archive" if key is None else "one cloud"
-            raise ArchiveTooLarge(f"The upload is to have {length} bytes; at most {most} are taken of {what}.")
         return self.uploads.begin(name, length, key=key, replace=how.replace, unit=how.unit, viewpoint=how.viewpoint)
 
     def finish(self, upload: Upload, file: IO[bytes], max_points: int | None = None) -> Iterator[Verdict]:
@@ -283,14 +280,16 @@ class DatasetCases:
 
     # Inside
 
-    def _take_all(self, name: str, members: Iterator[Member], how: Reading) -> Iterator[Verdict]:
-        told: dict[str, Entry] = {}
+    def _take_all(
+        self, name: str, members: Iterator[Member], how: Reading, told: dict[str, Entry]
+    ) -> Iterator[Verdict]:
+        """Adds clouds, then labels; into `told` goes what the archive of a dataset says first of its clouds."""
         tables: list[Member] = []
         for member in members:
-            if not _is_wanted(member.name):
+            if member.name == ABOUT:
+                told.update(self._told(member))
                 yield _left_out(member.name)
-            elif member.name == ABOUT:
-                told = _told(member)
+            elif member.name not in told and not _is_wanted(member.name):
                 yield _left_out(member.name)
             elif posixpath.basename(member.name) == LABELS:
                 tables.append(member)
@@ -337,6 +336,15 @@ class DatasetCases:
         detail = f"{taken.unknown} of its rows name no cloud of the dataset, the first is {taken.first_unknown[0]!r}."
         return Verdict(key=table.name, outcome="accepted", error=Flaw(type=CloudNotFound.type_name(), detail=detail))
 
+    def _told(self, member: Member) -> dict[str, Entry]:
+        """What the archive of a dataset says of its clouds, by key; nothing where it is of another kind."""
+        if not isinstance(member.data, bytes) or len(member.data) > SAID * self.bounds.entries:
+            return {}
+        try:
+            return {entry.key: entry for entry in Packed.model_validate_json(member.data).clouds}
+        except ValidationError:
+            return {}
+
     def _files(self, snapshot: Packed) -> Iterator[tuple[str, bytes]]:
         yield ABOUT, snapshot.model_dump_json(indent=1).encode()
         if any(entry.label for entry in snapshot.clouds):
@@ -372,14 +380,6 @@ def _is_wanted(name: str) -> bool:
     if any(part.startswith(".") or part == "__MACOSX" for part in parts):
         return False
     return posixpath.splitext(name)[1].lower() in CLOUD_ENDINGS or parts[-1] == LABELS or name == ABOUT
-
-
-def _told(member: Member) -> dict[str, Entry]:
-    """What the archive of a dataset says of its clouds, by key; nothing where it is of another kind."""
-    try:
-        return {entry.key: entry for entry in Packed.model_validate_json(member.data).clouds}  # type: ignore[arg-type]
-    except (ValidationError, TypeError):
-        return {}
 
 
 def _left_out(name: str) -> Verdict:

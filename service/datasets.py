@@ -291,9 +291,8 @@ class Datasets:
         """
         self.about(name)
         there = set(self.keys(name)) if len(labels) > 1 else {key for key in labels if self._is_there(name, key)}
-        for key, label in labels.items():
-            if key in there:
-                self._objects.put(_label(name, key), label.model_dump_json().encode())
+        taken = [(key, label) for key, label in labels.items() if key in there]
+        self._objects.put_each([(_label(name, key), label.model_dump_json().encode()) for key, label in taken])
         return [key for key in labels if key not in there]
 
     def labels(self, name: str) -> dict[str, Label]:

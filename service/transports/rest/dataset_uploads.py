@@ -10,13 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.application import Application
 from service.dataset_cases import Reading
-from service.engine.errors import UnsupportedFormat, UploadNotFound
+from service.engine.errors import ArchiveTooLarge, UnsupportedFormat, UploadNotFound
 from service.transports.arriving import arriving, limits_of, whole
 from service.transports.rest import caching, dataset_examples
 from service.transports.rest.access import caller_of
 from service.transports.rest.batches import parse_frame
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
-from service.transports.rest.datasets import UNSAID, Added, DatasetName, tell_each
+from service.transports.rest.datasets import UNSAID, Added, DatasetName, largest, tell_each
 from service.transports.rest.problems import documented, refused
 from service.transports.rest.queries import known_only
 from service.transports.rest.uploads import receive_json
@@ -82,6 +82,11 @@ def router(application: Application) -> APIRouter:
             given = await receive_json(request, limits_of(settings, caller_of(request)), take, NewUpload)
         frame = parse_frame(given.unit, given.viewpoint)
         how = Reading(frame.unit, frame.viewpoint, given.replace)
+        most = min(
+            largest(settings, caller_of(request)), settings.max_archive if given.key is None else settings.max_body
+        )
+        if given.length > most:
+            raise ArchiveTooLarge(f"The upload is to have {given.length} bytes; at most {most} are taken.")
         upload = await run_in_threadpool(cases.begin, name, given.length, key=given.key, how=how)
         headers = {"Location": f"/v1/datasets/{name}/uploads/{upload.id}", OFFSET: "0"}
         return Response(upload.model_dump_json(), 201, headers, "application/json")

@@ -10,6 +10,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from service.access import Caller
 from service.application import Application
 from service.archives import MEDIA_TYPES, Kind
 from service.clouds import FORMATS, by_media_type
@@ -19,6 +20,7 @@ from service.engine.errors import Cancelled, UnsupportedFormat
 from service.labels import MEDIA_TYPE as TABLE
 from service.labels import Label
 from service.model_file import NAME
+from service.settings import Settings
 from service.transports.arriving import arriving, limits_of, whole
 from service.transports.rest import caching, dataset_examples
 from service.transports.rest.access import caller_of
@@ -232,7 +234,7 @@ def router(application: Application) -> APIRouter:
         how = Reading(frame.unit, frame.viewpoint, replace, caller_of(request).max_points)
         await run_in_threadpool(cases.store.about, name)
         limits = limits_of(settings, caller_of(request))
-        limits = limits._replace(max_bytes=settings.max_archive, timeout=settings.archive_timeout)
+        limits = limits._replace(max_bytes=largest(settings, caller_of(request)), timeout=settings.archive_timeout)
         with cases.room.opened() as take, cases.spooled() as file:
             async with arriving(request, limits, take) as limited:
                 await receive_file(limited, file)
@@ -307,6 +309,11 @@ def router(application: Application) -> APIRouter:
         return tagged(tag_of(table), if_none_match, CHECKED, lambda: table, TABLE)
 
     return routes
+
+
+def largest(settings: Settings, caller: Caller) -> int:
+    """Bytes of the largest archive of a caller: a key that may send less than others in a body may do so here, too."""
+    return settings.max_archive if caller.max_body >= settings.max_body else caller.max_body
 
 
 async def tell_each(application: Application, request: Request, name: str, verdicts: Iterator[Verdict]) -> Response:
