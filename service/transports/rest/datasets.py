@@ -113,7 +113,6 @@ def router(application: Application) -> APIRouter:
         responses=documented(dataset_examples.SUMMARY, 400, 408, 409, 413, 415, 422, 429, 500, 503),
         openapi_extra={
             "requestBody": {
-                "required": True,
                 "content": {
                     JSON: {
                         "schema": NewDataset.model_json_schema(),
@@ -125,8 +124,10 @@ def router(application: Application) -> APIRouter:
     )
     async def create(request: Request, name: DatasetName) -> DatasetSummary:
         """Made again with the same description, or none, it is the same dataset."""
-        with application.intake.opened() as take:
-            given = await receive_json(request, limits_of(settings, caller_of(request)), take, NewDataset)
+        given = NewDataset()
+        if not {"content-type", "transfer-encoding"}.isdisjoint(request.headers):
+            with application.intake.opened() as take:
+                given = await receive_json(request, limits_of(settings, caller_of(request)), take, NewDataset)
         return await run_in_threadpool(cases.store.create, name, given.description)
 
     @routes.delete(

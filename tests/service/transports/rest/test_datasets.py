@@ -102,6 +102,17 @@ def test_what_cannot_be_taken_is_a_problem_and_leaves_nothing(
     assert not list(Path(settings.store).parent.rglob("*escaped*"))
 
 
+def test_a_dataset_is_made_with_or_without_a_description(made: httpx.Client) -> None:
+    assert made.put("/v1/datasets/plain").json()["description"] == ""
+    assert made.put(ROOT).json()["description"] == "of the kitchen"
+    assert problem(made.put(ROOT, json={"description": "of the office"})) == (409, "dataset-exists")
+    assert problem(made.put(ROOT, json={"colour": "blue"})) == (422, "invalid-parameter")
+    assert problem(made.put(ROOT, content=b"hello", headers={"content-type": "text/plain"})) == (
+        *(415, "unsupported-format"),
+    )
+    assert problem(made.put(ROOT, content=b"{", headers={"content-type": "application/json"}))[0] == 400
+
+
 def test_replacing_has_to_be_asked_for(made: httpx.Client) -> None:
     for params, seed, outcome in (
         ({}, 1, "accepted"),
