@@ -18,7 +18,7 @@ from service.application import Application
 from service.engine.errors import Cancelled, ShapeConceptsError
 from service.scopes import Scope
 from service.transports import errors
-from service.transports.arriving import arriving, limits_of
+from service.transports.arriving import arriving, limits_of, whole
 from service.transports.open_inference.inference import infer, metadata, parse_model, parse_version
 from service.transports.open_inference.rest_messages import HEADER_LENGTH, Body, read_request, write_response
 from service.transports.open_inference.signature import SERVER
@@ -90,7 +90,7 @@ class _Endpoints:
         caller: Caller = request.state.caller
         with self._application.intake.opened() as take:
             async with arriving(request, limits_of(self._application.settings, caller), take) as limited:
-                body = await limited.body()
+                body = await whole(limited)
             with self._application.pool.admitted():
                 content, length = await self._application.pool.run(
                     self._infer, body, request.headers.get(HEADER_LENGTH), *_meant(request), caller.max_points
