@@ -17,8 +17,15 @@ from service.application import CloudFile, ModelSummary
 from service.clouds import DepthCamera, Viewpoint
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.model_file import Manifest
+from service.scene_answer import SceneAnswer
 from service.transports import errors
-from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, model_pb2, service_pb2
+from service.transports.grpc.generated.shapeconcepts.v1 import (
+    answer_pb2,
+    cloud_pb2,
+    model_pb2,
+    scene_pb2,
+    service_pb2,
+)
 
 DOMAIN = "shape-concepts"
 LONGEST_DETAIL = 1000  # bytes; with much more, clients would refuse the metadata in which errors are told
@@ -76,6 +83,14 @@ def to_reference(message: answer_pb2.Options | service_pb2.GetModelRequest) -> d
 def from_answer(answer: Answer) -> answer_pb2.Answer:
     """An answer; the message has the names of its fields."""
     return answer_pb2.Answer(**answer.model_dump())
+
+
+def from_scene(answer: SceneAnswer) -> scene_pb2.SceneAnswer:
+    """The answer to a scene; the messages have the names of its fields."""
+    facts = answer.model_dump()
+    for one in facts["objects"]:
+        one["box"]["axes"] = dict(zip(("length", "width", "height"), one["box"]["axes"], strict=True))
+    return scene_pb2.SceneAnswer(**facts)
 
 
 def from_summary(summary: ModelSummary) -> model_pb2.ModelSummary:

@@ -45,6 +45,11 @@ class ShapeConceptsServiceStub:
                 request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.SerializeToString,
                 response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.FromString,
                 _registered_method=True)
+        self.RespondScene = channel.unary_unary(
+                '/shapeconcepts.v1.ShapeConceptsService/RespondScene',
+                request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.SerializeToString,
+                response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.FromString,
+                _registered_method=True)
         self.RespondBatch = channel.unary_stream(
                 '/shapeconcepts.v1.ShapeConceptsService/RespondBatch',
                 request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondBatchRequest.SerializeToString,
@@ -78,6 +83,13 @@ class ShapeConceptsServiceServicer:
 
     def Respond(self, request, context):
         """Answers one cloud.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def RespondScene(self, request, context):
+        """Answers each object of a whole scene: on a table, a floor or another plane.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -120,6 +132,11 @@ def add_ShapeConceptsServiceServicer_to_server(servicer, server):
                     servicer.Respond,
                     request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.FromString,
                     response_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.SerializeToString,
+            ),
+            'RespondScene': grpc.unary_unary_rpc_method_handler(
+                    servicer.RespondScene,
+                    request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.FromString,
+                    response_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.SerializeToString,
             ),
             'RespondBatch': grpc.unary_stream_rpc_method_handler(
                     servicer.RespondBatch,
@@ -175,6 +192,33 @@ class ShapeConceptsService:
             '/shapeconcepts.v1.ShapeConceptsService/Respond',
             shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.SerializeToString,
             shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def RespondScene(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/shapeconcepts.v1.ShapeConceptsService/RespondScene',
+            shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.SerializeToString,
+            shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.FromString,
             options,
             channel_credentials,
             insecure,
