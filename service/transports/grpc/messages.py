@@ -14,6 +14,7 @@ from grpc import StatusCode
 
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
+from service.catalogue import ConceptList
 from service.clouds import DepthCamera, Viewpoint
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.model_file import Manifest
@@ -56,7 +57,7 @@ def to_options(message: answer_pb2.Options) -> dict[str, Any]:
         InvalidParameter: a name that is too long to be one.
     """
     return to_reference(message) | {
-        "time": _optional(message, "time"),
+        "time": to_time(message),
         "top": _optional(message, "top"),
         "stimuli": message.stimuli,
         "explain": message.explain,
@@ -64,7 +65,14 @@ def to_options(message: answer_pb2.Options) -> dict[str, Any]:
     }
 
 
-def to_reference(message: answer_pb2.Options | service_pb2.GetModelRequest) -> dict[str, Any]:
+def to_time(message: answer_pb2.Options | service_pb2.ListConceptsRequest) -> float | None:
+    """The filtration time that is asked for, if one is."""
+    return _optional(message, "time")
+
+
+def to_reference(
+    message: answer_pb2.Options | service_pb2.GetModelRequest | service_pb2.ListConceptsRequest,
+) -> dict[str, Any]:
     """Which model is meant, as `Application.which` takes it.
 
     Raises:
@@ -103,6 +111,11 @@ def from_manifest(manifest: Manifest) -> model_pb2.Manifest:
     facts = manifest.model_dump(mode="json", exclude={"created", "contents"})
     contents = {name: model_pb2.Content(**content.model_dump()) for name, content in manifest.contents.items()}
     return model_pb2.Manifest(**facts, created=manifest.created, contents=contents)
+
+
+def from_concepts(concepts: ConceptList) -> model_pb2.ConceptList:
+    """The concepts of a version; the messages have the names of its fields."""
+    return model_pb2.ConceptList(**concepts.model_dump())
 
 
 def to_problem(document: Mapping[str, Any], status: errors.Status) -> service_pb2.Problem:

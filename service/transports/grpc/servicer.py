@@ -114,6 +114,18 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
 
         return await asyncio.to_thread(look_up)
 
+    async def ListConcepts(  # noqa: N802
+        self, request: service_pb2.ListConceptsRequest, context: Any
+    ) -> service_pb2.ListConceptsResponse:
+        """Lists the concepts of a model."""
+
+        def look_up() -> service_pb2.ListConceptsResponse:
+            name, version = self._application.which(**messages.to_reference(request))
+            concepts = self._application.concepts(name, version, messages.to_time(request))
+            return service_pb2.ListConceptsResponse(list=messages.from_concepts(concepts))
+
+        return await asyncio.to_thread(look_up)
+
     async def _answer(self, cloud: cloud_pb2.Cloud, options: answer_pb2.Options) -> answer_pb2.Answer:
         """The answer to a cloud, from the pool, which the caller has been admitted to.
 

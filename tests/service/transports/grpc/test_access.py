@@ -16,11 +16,11 @@ from grpc_status import rpc_status
 from service.application import Application
 from service.keys import KeyStore
 from service.settings import Settings
-from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import ListModelsRequest
+from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import DESCRIPTOR, ListModelsRequest
 from service.transports.grpc.guard import SERVICE
 from tests.service.transports.grpc.conftest import Server
 
-METHODS = ("Respond", "RespondBatch", "RespondStream", "ListModels", "GetModel")
+METHODS = tuple(DESCRIPTOR.services_by_name["ShapeConceptsService"].methods_by_name)
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_a_key_is_refused_before_anything_of_a_message_is_received(guarded: grpc
 def test_a_key_is_let_in_and_its_scope_holds(guarded: grpc.Channel, settings: Settings) -> None:
     keys = KeyStore(settings.store)
     answering, training = keys.create("a", ("answer",)).text, keys.create("b", ("train",)).text
-    for method in ("ListModels", "GetModel"):
+    for method in ("ListModels", "GetModel", "ListConcepts"):
         assert code_of(guarded, f"Bearer {answering}", method) == "OK"
         assert code_of(guarded, f"Bearer {training}", method) == "PERMISSION_DENIED"
 

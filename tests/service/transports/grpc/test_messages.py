@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from service import clouds as formats
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
+from service.catalogue import ConceptList
 from service.engine.errors import InvalidParameter, Overloaded, ShapeConceptsError, UnreadableCloud
 from service.model_file import Content, Manifest
 from service.scene_answer import SceneAnswer
@@ -47,6 +48,7 @@ def test_messages_have_all_fields_of_what_they_tell() -> None:
     check_same_fields(Answer, answer_pb2.Answer.DESCRIPTOR)
     check_same_fields(SceneAnswer, scene_pb2.SceneAnswer.DESCRIPTOR)
     check_same_fields(ModelSummary, model_pb2.ModelSummary.DESCRIPTOR)
+    check_same_fields(ConceptList, model_pb2.ConceptList.DESCRIPTOR)
     check_same_fields(Manifest, model_pb2.Manifest.DESCRIPTOR)
     check_same_fields(Content, model_pb2.Content.DESCRIPTOR)
 

@@ -34,7 +34,9 @@ from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (
 )
 from service.transports.grpc.generated.shapeconcepts.v1.scene_pb2 import SceneAnswer
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import (
+    DESCRIPTOR,
     GetModelRequest,
+    ListConceptsRequest,
     ListModelsRequest,
     RespondBatchRequest,
     RespondRequest,
@@ -256,6 +258,52 @@ def test_models_are_listed_and_told(stub: Stub, client: httpx.Client) -> None:
         assert MessageToDict(manifest.params) == expected["params"]
 
 
+@pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"time": 0}, {"model": "tiny:1"}, {"alias": "production"}])
+def test_concepts_are_those_of_rest_with_their_names(
+    stub: Stub, client: httpx.Client, application: Application, asked: dict[str, Any]
+) -> None:
+    first = client.get("/v1/models/tiny:1/concepts").json()["concepts"][0]["id"]
+    application.naming.rename("tiny", 1, first, "mug")
+    expected = client.get("/v1/models/tiny:1/concepts", params={k: v for k, v in asked.items() if k == "time"}).json()
+    told = MessageToDict(
+        stub.ListConcepts(ListConceptsRequest(**asked)).list,
+        preserving_proto_field_name=True,
+        always_print_fields_with_no_presence=True,
+    )
+    for concept in told["concepts"]:
+        concept.setdefault("name", None)
+    assert told == expected
+    assert "time" in asked or expected["concepts"][0]["name"] == "mug"
+
+
+def test_an_answer_can_be_read_by_what_is_told_of_the_concepts(stub: Stub, clouds: list[PointCloud]) -> None:
+    for time_ in (None, 0.5):
+        answer = stub.Respond(RespondRequest(cloud=as_file(clouds[0]), options=Options(time=time_))).answer
+        told = stub.ListConcepts(ListConceptsRequest(time=time_)).list
+        assert len(told.concepts) == len(answer.responses)
+        sizes = {concept.id: (concept.prototypes, concept.time) for concept in told.concepts}
+        responses = dict(zip((concept.id for concept in told.concepts), answer.responses, strict=True))
+        for concept in answer.concepts:
+            assert sizes[concept.id] == (concept.prototypes, concept.time)
+            assert responses[concept.id] == concept.response
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ({"model": "nobody"}, "NOT_FOUND"),
+        ({"version": 9}, "NOT_FOUND"),
+        ({"time": 1.5}, "INVALID_ARGUMENT"),
+        ({"time": float("nan")}, "INVALID_ARGUMENT"),
+        ({"model": "../x"}, "INVALID_ARGUMENT"),
+        ({"model": "x" * 1000}, "INVALID_ARGUMENT"),
+    ],
+)
+def test_concepts_of_what_is_not_there_are_refused(stub: Stub, asked: dict[str, Any], code: str) -> None:
+    error, _ = refused(lambda: stub.ListConcepts(ListConceptsRequest(**asked)))
+    assert error.code().name == code
+
+
 def refused(call: Callable[[], Any]) -> tuple[grpc.RpcError, details.ErrorInfo]:
     with pytest.raises(grpc.RpcError) as caught:
         call()
@@ -344,7 +392,7 @@ def test_an_unknown_model_is_not_told_of(stub: Stub) -> None:
     assert error.code() == grpc.StatusCode.NOT_FOUND
 
 
-METHODS = ("Respond", "RespondScene", "RespondBatch", "RespondStream", "ListModels", "GetModel")
+METHODS = tuple(DESCRIPTOR.services_by_name["ShapeConceptsService"].methods_by_name)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -126,3 +126,21 @@ class GetModelResponse(_message.Message):
     MANIFEST_FIELD_NUMBER: _ClassVar[int]
     manifest: _model_pb2.Manifest
     def __init__(self, manifest: _Optional[_Union[_model_pb2.Manifest, _Mapping]] = ...) -> None: ...
+
+class ListConceptsRequest(_message.Message):
+    __slots__ = ("model", "version", "alias", "time")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    ALIAS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    version: int
+    alias: str
+    time: float
+    def __init__(self, model: _Optional[str] = ..., version: _Optional[int] = ..., alias: _Optional[str] = ..., time: _Optional[float] = ...) -> None: ...
+
+class ListConceptsResponse(_message.Message):
+    __slots__ = ("list",)
+    LIST_FIELD_NUMBER: _ClassVar[int]
+    list: _model_pb2.ConceptList
+    def __init__(self, list: _Optional[_Union[_model_pb2.ConceptList, _Mapping]] = ...) -> None: ...
