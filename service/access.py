@@ -20,13 +20,21 @@ NOBODY = "anonymous"
 
 
 class Caller(NamedTuple):
-    """Who is asking: the id and the name of the access key, for logs."""
+    """Who is asking, and what one request of theirs may hold: the smaller of the service's limits and the key's.
+
+    Attributes:
+        id: of the access key.
+        name: of the access key: whose it is.
+        max_body: largest body, message or payload, bytes.
+        max_points: largest cloud, points.
+        max_batch: largest batch, clouds.
+    """
 
     id: str
     name: str
-
-
-ANYBODY = Caller(NOBODY, NOBODY)
+    max_body: int
+    max_points: int
+    max_batch: int
 
 
 class Gate:
@@ -34,12 +42,17 @@ class Gate:
 
     Args:
         valid: gives the keys that are not revoked, by id; None lets everybody in.
+        settings: the limits of the service, above which no key has its own.
         now: a clock, seconds.
     """
 
     def __init__(
-        self, valid: Callable[[], Mapping[str, AccessKey]] | None, now: Callable[[], float] = clock.monotonic
+        self,
+        valid: Callable[[], Mapping[str, AccessKey]] | None,
+        settings: Settings,
+        now: Callable[[], float] = clock.monotonic,
     ) -> None:
+        self.anybody = Caller(NOBODY, NOBODY, settings.max_body, settings.max_points, settings.max_batch)
         self._valid = valid
         self._now = now
         self._spent: dict[str, _Spent] = {}
@@ -64,14 +77,14 @@ class Gate:
             RateExceeded: the key's requests are too many, a second or at a time.
         """
         if self._valid is None:
-            yield ANYBODY
+            yield self.anybody
             return
         key = self._known(text, scope)
         if (seen := current()) is not None:
             seen.caller = key.id
         self._enter(key)
         try:
-            yield Caller(key.id, key.name)
+            yield self._caller(key)
         finally:
             with self._lock:
                 self._spent[key.id].under_way -= 1
@@ -84,6 +97,16 @@ class Gate:
         if scope not in key.scopes:
             raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {scope}.")
         return key
+
+    def _caller(self, key: AccessKey) -> Caller:
+        own = self.anybody
+        return Caller(
+            key.id,
+            key.name,
+            _smaller(own.max_body, key.max_body),
+            _smaller(own.max_points, key.max_points),
+            _smaller(own.max_batch, key.max_batch),
+        )
 
     def _enter(self, key: AccessKey) -> None:
         """Takes one of the requests that the key has left: a bucket of tokens, full after a second of rest."""
@@ -100,6 +123,10 @@ class Gate:
                     f"{max(1.0, 1 / key.rate):.0f} s."
                 )
             spent.under_way += 1
+
+
+def _smaller(service: int, key: int | None) -> int:
+    return service if key is None else min(service, key)
 
 
 class _Spent:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from service.access import ANYBODY, Gate, check_keys, check_tls, needs_keys
+from service.access import NOBODY, Gate, check_keys, check_tls, needs_keys
 from service.engine.errors import InvalidParameter, NotAllowed, NotAuthenticated, RateExceeded
 from service.keys import KeyStore
 from service.settings import Settings
+
+SERVICE = Settings(max_body=10_000, max_points=5_000, max_batch=16)
 
 
 class Clock:
@@ -29,16 +31,17 @@ def keys(tmp_path: Path) -> KeyStore:
 
 def test_an_open_gate_lets_everybody_in() -> None:
     for text in (None, "", "anything"):
-        with Gate(None).entered(text, "manage") as caller:
-            assert caller == ANYBODY
+        with Gate(None, SERVICE).entered(text, "manage") as caller:
+            assert caller.id == NOBODY
+            assert (caller.max_body, caller.max_points, caller.max_batch) == (10_000, 5_000, 16)
 
 
 def test_a_key_opens_what_it_is_for_and_nothing_else(keys: KeyStore) -> None:
     text, key = keys.create("robot-7", ("answer", "train"))
-    gate = Gate(keys.valid)
+    gate = Gate(keys.valid, SERVICE)
     for scope in ("answer", "train"):
         with gate.entered(text, scope) as caller:
-            assert caller == (key.id, "robot-7")
+            assert (caller.id, caller.name) == (key.id, "robot-7")
     with pytest.raises(NotAllowed, match="allows to answer, train, not to manage"), gate.entered(text, "manage"):
         pass
     for nothing in (None, "", "sc_wrong"):
@@ -48,7 +51,7 @@ def test_a_key_opens_what_it_is_for_and_nothing_else(keys: KeyStore) -> None:
 
 def test_a_key_revoked_meanwhile_is_refused(keys: KeyStore) -> None:
     text, key = keys.create("robot-7", ("answer",))
-    gate = Gate(keys.valid)
+    gate = Gate(keys.valid, SERVICE)
     with gate.entered(text, "answer"):
         keys.revoke(key.id)  # what is under way is finished
     with pytest.raises(NotAuthenticated), gate.entered(text, "answer"):
@@ -58,7 +61,7 @@ def test_a_key_revoked_meanwhile_is_refused(keys: KeyStore) -> None:
 def test_no_more_requests_are_under_way_than_a_key_may_have(keys: KeyStore) -> None:
     text, _ = keys.create("robot-7", ("answer",), concurrency=2)
     other, _ = keys.create("robot-8", ("answer",), concurrency=1)
-    gate = Gate(keys.valid)
+    gate = Gate(keys.valid, SERVICE)
     with ExitStack() as under_way:
         for _ in range(2):
             under_way.enter_context(gate.entered(text, "answer"))
@@ -71,7 +74,7 @@ def test_no_more_requests_are_under_way_than_a_key_may_have(keys: KeyStore) -> N
 
 def test_a_request_that_fails_gives_its_place_back(keys: KeyStore) -> None:
     text, _ = keys.create("robot-7", ("answer",), concurrency=1)
-    gate = Gate(keys.valid)
+    gate = Gate(keys.valid, SERVICE)
     for _ in range(3):
         with pytest.raises(RuntimeError), gate.entered(text, "answer"):
             raise RuntimeError
@@ -81,7 +84,7 @@ def test_a_request_that_fails_gives_its_place_back(keys: KeyStore) -> None:
 def test_a_key_makes_so_many_requests_a_second(keys: KeyStore, rate: float, at_once: int, after: float) -> None:
     text, _ = keys.create("robot-7", ("answer",), rate=rate)
     clock = Clock()
-    gate = Gate(keys.valid, clock)
+    gate = Gate(keys.valid, SERVICE, clock)
 
     def passes() -> bool:
         try:
@@ -95,6 +98,23 @@ def test_a_key_makes_so_many_requests_a_second(keys: KeyStore, rate: float, at_o
     assert [passes(), passes()] == [True, False]
     clock.time += 3600  # rest is not saved up
     assert sum(passes() for _ in range(50)) == at_once
+
+
+@pytest.mark.parametrize(
+    ("own", "hold"),
+    [
+        ({}, (10_000, 5_000, 16)),
+        ({"max_body": 2_000}, (2_000, 5_000, 16)),
+        ({"max_points": 100, "max_batch": 1}, (10_000, 100, 1)),
+        ({"max_body": 10**12, "max_points": 10**12, "max_batch": 10**12}, (10_000, 5_000, 16)),
+    ],
+)
+def test_of_the_limits_of_a_key_and_of_the_service_the_smaller_ones_hold(
+    keys: KeyStore, own: dict[str, int], hold: tuple[int, int, int]
+) -> None:
+    text, _ = keys.create("robot-7", ("answer",), **own)
+    with Gate(keys.valid, SERVICE).entered(text, "answer") as caller:
+        assert (caller.max_body, caller.max_points, caller.max_batch) == hold
 
 
 @pytest.mark.parametrize(

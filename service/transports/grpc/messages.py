@@ -123,7 +123,7 @@ def to_problem(document: Mapping[str, Any], status: errors.Status) -> service_pb
     problem = service_pb2.Problem(**document, code=code_of(status).value[0])
     problem.detail = _shortened(problem.detail)
     if status.retry:
-        problem.retry_delay.FromSeconds(errors.RETRY_AFTER)
+        problem.retry_delay.FromSeconds(status.retry)
     return problem
 
 
@@ -137,7 +137,7 @@ def to_status(document: Mapping[str, Any], status: errors.Status, request_id: st
     ]
     if status.retry:
         retry = details.RetryInfo()
-        retry.retry_delay.FromSeconds(errors.RETRY_AFTER)
+        retry.retry_delay.FromSeconds(status.retry)
         said.append(retry)
     told = status_pb2.Status(code=code_of(status).value[0], message=_shortened(document["detail"]))
     for detail in said:

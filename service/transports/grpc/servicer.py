@@ -21,6 +21,7 @@ from service.transports.grpc.generated.shapeconcepts.v1 import (
 )
 from service.transports.grpc.guard import problem_of
 from service.transports.grpc.share import Share
+from service.transports.served import asking
 from service.transports.wanted import run_while_wanted
 
 AT_ONCE = 4  # clouds of one batch or stream at work, or answered and not yet sent
@@ -55,7 +56,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         self, request: service_pb2.RespondBatchRequest, context: Any
     ) -> AsyncIterator[service_pb2.RespondBatchResponse]:
         """Answers several clouds."""
-        limit = self._application.settings.max_batch
+        limit = asking.get().max_batch
         if len(request.clouds) > limit:
             raise InvalidParameter(f"A batch has at most {limit} clouds, not {len(request.clouds)}: send several.")
         share = Share(self._application.pool, kept=1)
@@ -137,6 +138,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
 
         def work(on_stage: OnStage) -> answer_pb2.Answer:
             given = messages.to_options(options)
+            given["max_points"] = asking.get().max_points
             return messages.from_answer(self._application.respond(messages.to_cloud(cloud), **given, on_stage=on_stage))
 
         return await run_while_wanted(self._application.pool, work)
@@ -146,6 +148,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
 
         def work(on_stage: OnStage) -> scene_pb2.SceneAnswer:
             given = messages.to_options(options)
+            given["max_points"] = asking.get().max_points
             answer = self._application.respond_scene(messages.to_cloud(cloud), **given, on_stage=on_stage)
             return messages.from_scene(answer)
 

@@ -9,6 +9,7 @@ from fastapi import Depends, Request, Security
 from fastapi.params import Depends as Dependency
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from service.access import Caller
 from service.application import Application
 from service.scopes import Scope
 
@@ -23,12 +24,20 @@ READING = ("GET", "HEAD")
 def needing(application: Application, scope: Scope) -> Dependency:
     """Lets callers in whose access keys allow this; for as long as a request is under way."""
 
-    def enter(sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]) -> Iterator[None]:
-        with application.access.entered(sent.credentials if sent else None, scope):
+    def enter(
+        request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
+    ) -> Iterator[None]:
+        with application.access.entered(sent.credentials if sent else None, scope) as request.state.caller:
             yield
 
     result: Any = Depends(enter)
     return result
+
+
+def caller_of(request: Request) -> Caller:
+    """Who sends a request that was let in."""
+    caller: Caller = request.state.caller
+    return caller
 
 
 def reading(application: Application, otherwise: Scope) -> Dependency:
@@ -38,7 +47,7 @@ def reading(application: Application, otherwise: Scope) -> Dependency:
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
     ) -> Iterator[None]:
         scope: Scope = "answer" if request.method in READING else otherwise
-        with application.access.entered(sent.credentials if sent else None, scope):
+        with application.access.entered(sent.credentials if sent else None, scope) as request.state.caller:
             yield
 
     result: Any = Depends(enter)

@@ -164,7 +164,7 @@ async def _ours(request: Request, error: Exception) -> Response:
         log.error("%s %s: %s: %s", request.state.id, _quoted(request.url.path), error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", request.state.id, _quoted(request.url.path), error)
-    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    headers = {"Retry-After": str(status.retry)} if status.retry else {}
     return _answer(document, headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {}))
 
 

@@ -12,6 +12,7 @@ from service.clouds import FORMATS, UNITS, parse_camera
 from service.scene_answer import SceneAnswer
 from service.transports.arriving import limits_of
 from service.transports.rest import examples
+from service.transports.rest.access import caller_of
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
 from service.transports.rest.detail import DetailQuery, as_json, parse_detail
 from service.transports.rest.problems import documented
@@ -94,7 +95,6 @@ _ANSWERS = {
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
-    limits = limits_of(application.settings)
 
     @routes.post(
         "/responses",
@@ -156,7 +156,9 @@ def router(application: Application) -> APIRouter:
         pose = None if viewpoint is None else parse_viewpoint(viewpoint)
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         camera = parse_camera(intrinsics, depth_scale)
+        caller = caller_of(request)
         with application.intake.opened() as take:
+            limits = limits_of(application.settings, caller)
             data, format, name, mask = await receive_cloud(request, limits, take)
             with application.pool.admitted():
                 answer = await application.pool.run(
@@ -170,6 +172,7 @@ def router(application: Application) -> APIRouter:
                     stimuli=parts.stimuli,
                     explain=parts.explanation,
                     segments=parts.segments,
+                    max_points=caller.max_points,
                 )
                 left_out: Any = {"objects": {"__all__": {"answer": parts.exclude()}}} if scene else parts.exclude()
                 return await application.pool.run(as_json, answer, left_out)

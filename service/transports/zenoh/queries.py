@@ -14,6 +14,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
+from service.access import Caller
 from service.application import Application, CloudFile
 from service.engine.errors import InvalidParameter
 from service.transports.errors import MEDIA_TYPE
@@ -66,7 +67,7 @@ class Queries:
         """Takes a query from zenoh, or refuses it at once."""
         held = ExitStack()
         try:
-            size = sum(len(part) for part in (query.payload, query.attachment) if part is not None)
+            size = _size_of(query)
             check_size(size, self._application.settings.max_body)
             held.enter_context(self._application.intake.opened())(size)
             held.enter_context(self._application.pool.admitted())
@@ -100,21 +101,28 @@ class Queries:
         except InvalidParameter as error:
             attached = error
         key = None if isinstance(attached, Exception) else attached.key
-        with self._application.access.entered(key, "answer"):  # who is not let in is told nothing else
+        with self._application.access.entered(key, "answer") as caller:  # who is not let in is told nothing else
             if isinstance(attached, Exception):
                 raise attached
-            return self._answered(query, attached.mask)
+            check_size(_size_of(query), caller.max_body)
+            return self._answered(query, attached.mask, caller)
 
-    def _answered(self, query: zenoh.Query, mask: bytes | None) -> str:
+    def _answered(self, query: zenoh.Query, mask: bytes | None, caller: Caller) -> str:
         asked = parse(query.parameters)
         model = _model_of(str(query.key_expr))
         data = b"" if query.payload is None else query.payload.to_bytes()
         format = asked.format or format_of(query.encoding)
         cloud = CloudFile(data, format, unit=asked.unit, viewpoint=asked.pose, camera=asked.camera, mask=mask)
         flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
+        flags["max_points"] = caller.max_points
         respond = self._application.respond_scene if asked.scene else self._application.respond
         answer = respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
         return answer.model_dump_json()
+
+
+def _size_of(query: zenoh.Query) -> int:
+    """Bytes of a query's cloud and of what comes beside it."""
+    return sum(len(part) for part in (query.payload, query.attachment) if part is not None)
 
 
 def _model_of(key: str) -> str:

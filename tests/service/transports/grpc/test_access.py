@@ -14,9 +14,19 @@ from grpc_health.v1.health_pb2_grpc import HealthStub
 from grpc_status import rpc_status
 
 from service.application import Application
+from service.engine.cloud import PointCloud
 from service.keys import KeyStore
 from service.settings import Settings
-from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import DESCRIPTOR, ListModelsRequest
+from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import Cloud, PackedPoints
+from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import (
+    DESCRIPTOR,
+    ListModelsRequest,
+    RespondBatchRequest,
+    RespondRequest,
+    RespondSceneRequest,
+    RespondStreamRequest,
+)
+from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.guard import SERVICE
 from tests.service.transports.grpc.conftest import Server
 
@@ -101,3 +111,86 @@ def test_calls_that_are_over_are_under_way_no_more(guarded: grpc.Channel, settin
         while code_of(guarded, f"Bearer {text}") != "OK":
             assert time.monotonic() < until
     never.set()
+
+
+Metadata = list[tuple[str, str]]
+
+
+def bearing(text: str) -> Metadata:
+    return [("authorization", f"Bearer {text}")]
+
+
+def packed(cloud: PointCloud, points: int) -> Cloud:
+    """The cloud thinned out to so many points."""
+    xyz = cloud.points[:: len(cloud.points) // points][:points]
+    return Cloud(points=PackedPoints(xyz=xyz.astype("<f4").tobytes()))
+
+
+def refused(call: Callable[[], Any]) -> grpc.RpcError:
+    with pytest.raises(grpc.RpcError) as caught:
+        call()
+    return caught.value
+
+
+def test_a_key_has_as_many_points_answered_as_it_may(
+    guarded: grpc.Channel, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    stub = ShapeConceptsServiceStub(guarded)
+    metadata = bearing(KeyStore(settings.store).create("few", ("answer",), max_points=500).text)
+    fits, large = packed(clouds[0], 500), packed(clouds[0], 501)
+    assert stub.Respond(RespondRequest(cloud=fits), metadata=metadata).answer.concepts
+    error = refused(lambda: stub.Respond(RespondRequest(cloud=large), metadata=metadata))
+    assert "over the limit of 500; crop" in error.details()
+    error = refused(lambda: stub.RespondScene(RespondSceneRequest(cloud=large), metadata=metadata))
+    assert "over the limit of 500; crop" in error.details()
+    batch = stub.RespondBatch(RespondBatchRequest(clouds=[fits, large, fits]), metadata=metadata)
+    requests = [RespondStreamRequest(cloud=cloud) for cloud in (fits, large, fits)]
+    (scene,) = stub.RespondStream(iter([RespondStreamRequest(cloud=large, scene=True)]), metadata=metadata)
+    assert scene.problem.type.endswith("too-many-points")
+    for responses in (list(batch), list(stub.RespondStream(iter(requests), metadata=metadata))):
+        assert [response.HasField("answer") for response in responses] == [True, False, True]
+        assert responses[1].problem.type.endswith("too-many-points")
+
+
+def test_a_key_sends_messages_as_large_as_it_may(
+    guarded: grpc.Channel, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    stub = ShapeConceptsServiceStub(guarded)
+    keys = KeyStore(settings.store)
+    cloud = packed(clouds[0], 500)
+    size = RespondRequest(cloud=cloud).ByteSize()
+    fits, short = (bearing(keys.create("a", ("answer",), max_body=size - less).text) for less in (0, 1))
+    assert stub.Respond(RespondRequest(cloud=cloud), metadata=fits).answer.concepts
+    calls: list[Callable[[], Any]] = [
+        lambda: stub.Respond(RespondRequest(cloud=cloud), metadata=short),
+        lambda: list(stub.RespondBatch(RespondBatchRequest(clouds=[cloud] * 2), metadata=short)),
+        lambda: list(stub.RespondStream(iter([RespondStreamRequest(sequence=1, cloud=cloud)]), metadata=short)),
+    ]
+    for call in calls:
+        error = refused(call)
+        assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+        assert f"larger than the {size - 1} that are taken. Send fewer points" in error.details()
+
+
+def test_what_came_before_a_message_too_large_is_answered(
+    guarded: grpc.Channel, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    metadata = bearing(KeyStore(settings.store).create("a", ("answer",), max_body=6100).text)
+    requests = [RespondStreamRequest(cloud=packed(clouds[0], points)) for points in (500, 500, 600)]
+    answered = []
+
+    def ask() -> None:
+        for response in ShapeConceptsServiceStub(guarded).RespondStream(iter(requests), metadata=metadata):
+            answered.append(response.HasField("answer"))
+
+    assert refused(ask).code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+    assert answered == [True, True]
+
+
+def test_a_key_sends_as_many_clouds_at_a_time_as_it_may(guarded: grpc.Channel, settings: Settings) -> None:
+    stub = ShapeConceptsServiceStub(guarded)
+    metadata = bearing(KeyStore(settings.store).create("two", ("answer",), max_batch=2).text)
+    assert len(list(stub.RespondBatch(RespondBatchRequest(clouds=[Cloud()] * 2), metadata=metadata))) == 2
+    error = refused(lambda: list(stub.RespondBatch(RespondBatchRequest(clouds=[Cloud()] * 3), metadata=metadata)))
+    assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
+    assert "at most 2 clouds, not 3: send several" in error.details()

@@ -18,7 +18,7 @@ from service import clouds as formats
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
 from service.catalogue import ConceptList
-from service.engine.errors import InvalidParameter, Overloaded, ShapeConceptsError, UnreadableCloud
+from service.engine.errors import InvalidParameter, Overloaded, RateExceeded, ShapeConceptsError, UnreadableCloud
 from service.model_file import Content, Manifest
 from service.scene_answer import SceneAnswer
 from service.transports import errors
@@ -170,7 +170,7 @@ def test_options_that_are_unset_are_not_zero() -> None:
             messages.to_options(wrong)
 
 
-@pytest.mark.parametrize("error", [Overloaded("busy"), UnreadableCloud("é" * 5000)])
+@pytest.mark.parametrize("error", [Overloaded("busy"), RateExceeded("hasty", 41.5), UnreadableCloud("é" * 5000)])
 def test_an_error_is_told_in_full_and_never_at_length(error: ShapeConceptsError) -> None:
     status, document = errors.status_of(error), errors.problem_of(error, "some-id")
     told = messages.to_status(document, status, "some-id")
@@ -184,4 +184,5 @@ def test_an_error_is_told_in_full_and_never_at_length(error: ShapeConceptsError)
     assert request.Is(details.RequestInfo.DESCRIPTOR)
     problem = messages.to_problem(document, status)
     assert (problem.code, problem.detail) == (told.code, told.message)
-    assert problem.HasField("retry_delay") == bool(retry) == status.retry
+    assert problem.HasField("retry_delay") == bool(retry) == bool(status.retry)
+    assert problem.retry_delay.seconds == status.retry

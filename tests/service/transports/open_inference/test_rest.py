@@ -376,3 +376,21 @@ def test_without_a_key_nothing_but_health_is_told(settings: Settings, cloud: np.
                 headers = {"Authorization": f"Bearer {key}"}
                 assert client.request(method, path, json=request_of(cloud), headers=headers).status_code == status
     application.close()
+
+
+def test_the_limits_of_a_key_hold(settings: Settings, cloud: np.ndarray) -> None:
+    application = Application(settings.model_copy(update={"access": "keys"}))
+    keys = KeyStore(settings.store)
+    large = json.dumps(request_of(cloud[:501])).encode()
+    few, short = keys.create("a", ("answer",), max_points=500), keys.create("b", ("answer",), max_body=len(large) - 1)
+    with answering(application) as client:
+
+        def ask(content: bytes, key: str) -> httpx.Response:
+            return client.post(INFER, content=content, headers={"Authorization": f"Bearer {key}"})
+
+        for key, limit in ((few.text, "500"), (short.text, str(len(large) - 1))):
+            refused = ask(large, key)
+            assert (refused.status_code, list(refused.json())) == (413, ["error"])
+            assert limit in refused.json()["error"]
+        assert ask(json.dumps(request_of(cloud[:500])).encode(), few.text).status_code == 200
+    application.close()

@@ -306,6 +306,25 @@ def test_where_access_keys_are_needed_a_query_bears_one_as_its_attachment(
         assert (good, problem["type"]) == (False, f"urn:shape-concepts:error:{kind}")
 
 
+def test_the_limits_of_a_key_hold(
+    served: Served, robot: zenoh.Session, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    keys = KeyStore(settings.store)
+    fits, large = (write_ply(PointCloud(clouds[0].points[:points])) for points in (500, 501))
+    few = keys.create("a", ("answer",), max_points=500).text
+    short = keys.create("b", ("answer",), max_body=len(large) - 1).text
+    served(access="keys")
+    assert ask(robot, "tiny/respond", fits, attachment=few)[0]
+    for selector in ("tiny/respond", "tiny/respond?scene=true"):
+        for attachment, kind, limit in (
+            (few, "too-many-points", "500"),
+            (short, "content-too-large", str(len(large) - 1)),
+        ):
+            good, _, problem = ask(robot, selector, large, attachment=attachment)
+            assert (good, problem["status"], problem["type"].rpartition(":")[2]) == (False, 413, kind)
+            assert limit in problem["detail"]
+
+
 def test_a_replica_that_ends_leaves_no_session_and_no_thread(served: Served, robot: zenoh.Session) -> None:
     application = served()
     (first,) = replicas(robot)
