@@ -56,9 +56,11 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         self, request: service_pb2.RespondBatchRequest, context: Any
     ) -> AsyncIterator[service_pb2.RespondBatchResponse]:
         """Answers several clouds."""
-        limit = asking.get().max_batch
-        if len(request.clouds) > limit:
-            raise InvalidParameter(f"A batch has at most {limit} clouds, not {len(request.clouds)}: send several.")
+        caller = asking.get()
+        if len(request.clouds) > caller.max_batch:
+            raise InvalidParameter(
+                f"A batch has at most {caller.max_batch} clouds, not {len(request.clouds)}: send several."
+            )
         share = Share(self._application.pool, kept=1)
 
         async def respond(index: int) -> service_pb2.RespondBatchResponse:
@@ -71,6 +73,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         with self._application.intake.opened() as take:
             take(request.ByteSize())
             with self._application.pool.admitted():
+                caller.spend(len(request.clouds))
                 async with aclosing(in_order(_count(len(request.clouds)), respond, AT_ONCE)) as responses:
                     async for response in responses:
                         yield response
@@ -83,6 +86,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
 
         async def respond(request: service_pb2.RespondStreamRequest) -> service_pb2.RespondStreamResponse:
             async def answer() -> answer_pb2.Answer | scene_pb2.SceneAnswer:
+                asking.get().spend(1)
                 with self._application.intake.opened() as take:
                     take(request.ByteSize())
                     async with share.place():

@@ -131,6 +131,27 @@ def test_a_key_has_as_many_points_answered_as_it_may(
             assert "over the limit of 500; crop" in problems[0]["detail"]
 
 
+@pytest.mark.parametrize("ask", ["responses/batch", "models/tiny/names/propose"])
+def test_several_clouds_count_as_many_as_they_are(guarded: httpx.Client, settings: Settings, ask: str) -> None:
+    """More than the key has in a second are answered, and then paid off."""
+    headers = bearing(KeyStore(settings.store).create("slow", ("answer", "manage"), rate=0.1).text)
+    labels = {"label": ["mug"] * 5} if "propose" in ask else {}
+    sent = {"files": files(*[b"0 0 1"] * 5), "data": labels, "headers": headers}
+    assert guarded.post(f"/v1/{ask}", **sent).status_code == 200
+    refused = guarded.get("/v1/models", headers=headers)
+    assert refused.status_code == 429
+    assert 30 < int(refused.headers["Retry-After"]) <= 50
+
+
+def test_a_batch_beyond_the_rate_is_refused_whole(guarded: httpx.Client, settings: Settings) -> None:
+    headers = bearing(KeyStore(settings.store).create("hasty", ("answer",), rate=20).text)
+    first, second = (guarded.post("/v1/responses/batch", json=[[]] * 20, headers=headers) for _ in range(2))
+    assert first.status_code == 200
+    assert (second.status_code, second.json()["type"].rpartition(":")[2]) == (429, "rate-exceeded")
+    assert second.headers["Retry-After"] == "1"
+    assert "20 requests a second" in second.json()["detail"]
+
+
 @pytest.mark.parametrize("ask", ["responses", "responses/batch"])
 def test_a_key_sends_bodies_as_large_as_it_may(guarded: httpx.Client, settings: Settings, ask: str) -> None:
     body = str([[[0, 0, 1]] * 200] * 3 if "batch" in ask else [[0, 0, 1]] * 200).encode()
