@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import NamedTuple
@@ -57,6 +58,17 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
         raise HTTPException(408, f"The body did not arrive within {limits.timeout:g} seconds.") from None
     except ClientDisconnect:
         raise Cancelled("The client hung up before its request had arrived.") from None
+
+
+async def whole(request: Request) -> bytes:
+    """The body of a request that `arriving` yields.
+
+    It grows where it is to stay: to join a hundred megabytes in the end would keep the event loop from everybody else.
+    """
+    body = io.BytesIO()
+    async for piece in request.stream():
+        body.write(piece)
+    return body.getvalue()
 
 
 def _check_announced(request: Request, max_bytes: int) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from google.protobuf.message import Message
 from google.rpc import error_details_pb2 as details
 from google.rpc import status_pb2
@@ -16,6 +14,7 @@ from service.answer import Answer
 from service.application import CloudFile, ModelSummary
 from service.catalogue import ConceptList
 from service.clouds import DepthCamera, Viewpoint
+from service.clouds.npy import of_points
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.model_file import Manifest
 from service.scene_answer import SceneAnswer
@@ -164,16 +163,12 @@ def _to_camera(message: cloud_pb2.DepthCamera) -> DepthCamera:
 
 def _as_npy(xyz: bytes) -> bytes:
     """Packed points as the bytes of an NPY file: they are then read, and limited, as any file."""
-    points, rest = divmod(len(xyz), BYTES_OF_POINT)
-    if rest:
+    if len(xyz) % BYTES_OF_POINT:
         raise UnreadableCloud(
             f"packed points are (N, 3) float32, {BYTES_OF_POINT} bytes each, but there were {len(xyz)} bytes; "
             "send x, y and z of every point and nothing else"
         )
-    header = io.BytesIO()
-    facts = {"descr": "<f4", "fortran_order": False, "shape": (points, 3)}
-    np.lib.format.write_array_header_1_0(header, facts)
-    return header.getvalue() + xyz
+    return of_points(xyz)
 
 
 def _optional(message: Message, field: str) -> Any:

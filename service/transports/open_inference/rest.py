@@ -21,7 +21,7 @@ from service.engine.model import OnStage
 from service.scopes import Scope
 from service.telemetry import current
 from service.transports import errors
-from service.transports.arriving import arriving, limits_of
+from service.transports.arriving import arriving, limits_of, whole
 from service.transports.connected import while_connected
 from service.transports.open_inference.inference import infer, metadata, parse_model, parse_version
 from service.transports.open_inference.rest_messages import HEADER_LENGTH, Body, read_request, write_response
@@ -95,7 +95,7 @@ class _Endpoints:
         caller: Caller = request.state.caller
         with self._application.intake.opened() as take:
             async with arriving(request, limits_of(self._application.settings, caller), take) as limited:
-                body = await limited.body()
+                body = await whole(limited)
             with self._application.pool.admitted():
                 work = partial(
                     self._infer, body, request.headers.get(HEADER_LENGTH), *_meant(request), caller.max_points

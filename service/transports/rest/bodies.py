@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 from service.clouds import by_media_type
 from service.clouds.claims import quote
 from service.engine.errors import UnreadableCloud
-from service.transports.arriving import Limits, arriving
+from service.transports.arriving import Limits, arriving, whole
 
 FIELD = "cloud"
 MASK = "mask"
@@ -56,7 +56,7 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
     async with arriving(request, limits, take) as limited:
         if form:
             return await _from_form(limited)
-        return Received(await limited.body(), format)
+        return Received(await whole(limited), format)
 
 
 async def _from_form(request: Request) -> Received:

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 
 from service.clouds.json_list import split
 from service.engine.errors import ContentTooLarge, InvalidParameter, UnreadableCloud, UnsupportedFormat
-from service.transports.arriving import Limits, arriving
+from service.transports.arriving import Limits, arriving, whole
 from service.transports.rest.bodies import FIELD
 
 LABEL = "label"
@@ -82,7 +82,7 @@ async def receive_clouds(
         if media_type == "multipart/form-data":
             uploads = await _of_form(limited, most, labelled)
         elif media_type == "application/json" and not labelled:
-            listed = await run_in_threadpool(split, await limited.body(), most + 1)
+            listed = await run_in_threadpool(split, await whole(limited), most + 1)
             uploads = [Upload(cloud, "application/json", "") for cloud in listed]
         else:
             known = "multipart/form-data" if labelled else "multipart/form-data or application/json"
@@ -134,7 +134,7 @@ async def receive_json(request: Request, limits: Limits, take: Callable[[int], N
     if media_type != "application/json":
         raise UnsupportedFormat(f"The body should be application/json, not '{media_type[:60]}'.")
     async with arriving(request, limits._replace(max_bytes=min(SMALL, limits.max_bytes)), take) as limited:
-        body = await limited.body()
+        body = await whole(limited)
     try:
         return kind.model_validate_json(body)
     except ValidationError as error:
