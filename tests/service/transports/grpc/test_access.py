@@ -20,16 +20,18 @@ from service.keys import KeyStore
 from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import Cloud, PackedPoints
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import (
+    DESCRIPTOR,
     ListModelsRequest,
     RespondBatchRequest,
     RespondRequest,
+    RespondSceneRequest,
     RespondStreamRequest,
 )
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.guard import SERVICE
 from tests.service.transports.grpc.conftest import Server
 
-METHODS = ("Respond", "RespondBatch", "RespondStream", "ListModels", "GetModel")
+METHODS = tuple(DESCRIPTOR.services_by_name["ShapeConceptsService"].methods_by_name)
 
 
 @pytest.fixture
@@ -80,7 +82,7 @@ def test_a_key_is_refused_before_anything_of_a_message_is_received(guarded: grpc
 def test_a_key_is_let_in_and_its_scope_holds(guarded: grpc.Channel, settings: Settings) -> None:
     keys = KeyStore(settings.store)
     answering, training = keys.create("a", ("answer",)).text, keys.create("b", ("train",)).text
-    for method in ("ListModels", "GetModel"):
+    for method in ("ListModels", "GetModel", "ListConcepts"):
         assert code_of(guarded, f"Bearer {answering}", method) == "OK"
         assert code_of(guarded, f"Bearer {training}", method) == "PERMISSION_DENIED"
 
@@ -140,8 +142,12 @@ def test_a_key_has_as_many_points_answered_as_it_may(
     assert stub.Respond(RespondRequest(cloud=fits), metadata=metadata).answer.concepts
     error = refused(lambda: stub.Respond(RespondRequest(cloud=large), metadata=metadata))
     assert "over the limit of 500; crop" in error.details()
+    error = refused(lambda: stub.RespondScene(RespondSceneRequest(cloud=large), metadata=metadata))
+    assert "over the limit of 500; crop" in error.details()
     batch = stub.RespondBatch(RespondBatchRequest(clouds=[fits, large, fits]), metadata=metadata)
     requests = [RespondStreamRequest(cloud=cloud) for cloud in (fits, large, fits)]
+    (scene,) = stub.RespondStream(iter([RespondStreamRequest(cloud=large, scene=True)]), metadata=metadata)
+    assert scene.problem.type.endswith("too-many-points")
     for responses in (list(batch), list(stub.RespondStream(iter(requests), metadata=metadata))):
         assert [response.HasField("answer") for response in responses] == [True, False, True]
         assert responses[1].problem.type.endswith("too-many-points")
