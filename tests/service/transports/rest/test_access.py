@@ -8,9 +8,11 @@ from typing import Any
 import httpx
 import pytest
 
+from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.keys import KeyStore
+from service.main import http_app
 from service.settings import Settings
 from service.transports.rest.examples import CLOUD_XYZ
 
@@ -51,6 +53,16 @@ def test_a_key_that_is_used_too_much_is_told_when_to_come_back(guarded: httpx.Cl
     codes = [guarded.get("/v1/models", headers=bearing(text)) for _ in range(3)]
     assert [each.status_code for each in codes] == [200, 429, 429]
     assert int(codes[-1].headers["Retry-After"]) >= 1
+
+
+@pytest.mark.parametrize("access", ["open", "keys"])
+def test_the_description_says_whether_keys_are_needed(settings: Settings, access: str) -> None:
+    application = Application(settings.model_copy(update={"access": access}))
+    paths = http_app(application).openapi()["paths"]
+    application.close()
+    for operation in (paths["/v1/models"]["get"], paths["/v1/responses"]["post"], paths["/v2"]["get"]):
+        assert ({} in operation["security"]) == (access == "open")
+    assert "security" not in paths["/healthz"]["get"]
 
 
 def test_a_revoked_key_is_refused_within_seconds(guarded: httpx.Client, settings: Settings) -> None:
