@@ -42,7 +42,9 @@ def keys() -> None:
     help="What it allows: clouds answered, jobs and datasets, models and names altered; may be repeated.",
 )
 @click.option(
-    "--rate", type=float, help="Requests a second, at each replica; each cloud counts as one.  [default: no limit]"
+    "--rate",
+    type=float,
+    help="Requests a second, at each replica; each cloud of a batch or a stream counts as one.  [default: no limit]",
 )
 @click.option("--concurrency", type=int, help="Requests at the same time, at each replica.  [default: no limit]")
 @click.option("--max-body", type=int, help="Largest request body, bytes.  [default: the service's limit]")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from contextlib import ExitStack
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -98,6 +100,84 @@ def test_a_key_makes_so_many_requests_a_second(keys: KeyStore, rate: float, at_o
     assert [passes(), passes()] == [True, False]
     clock.time += 3600  # rest is not saved up
     assert sum(passes() for _ in range(50)) == at_once
+
+
+def refusal(gate: Gate, text: str, clouds: int) -> RateExceeded | None:
+    """Why a request with so many clouds does not get through; None if it does."""
+    try:
+        with gate.entered(text, "answer") as caller:
+            caller.spend(clouds)
+            return None
+    except RateExceeded as error:
+        return error
+
+
+@pytest.mark.parametrize("clouds", [1, 2, 7, 10])
+def test_a_request_with_several_clouds_counts_as_many_as_it_has(keys: KeyStore, clouds: int) -> None:
+    text, _ = keys.create("robot-7", ("answer",), rate=10)
+    gate = Gate(keys.valid, SERVICE, Clock())
+    assert refusal(gate, text, clouds) is None
+    assert sum(refusal(gate, text, 1) is None for _ in range(20)) == 10 - clouds
+
+
+def test_of_a_stream_each_cloud_counts_and_one_too_many_ends_nothing(keys: KeyStore) -> None:
+    text, _ = keys.create("robot-7", ("answer",), rate=3)
+    clock = Clock()
+
+    def taken() -> bool:
+        try:
+            caller.spend(1)
+            return True
+        except RateExceeded:
+            return False
+
+    with Gate(keys.valid, SERVICE, clock).entered(text, "answer") as caller:
+        assert [taken() for _ in range(5)] == [True] * 3 + [False] * 2
+        for _ in range(3):
+            clock.time += 1.001 / 3
+            assert [taken(), taken()] == [True, False]
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.7, 1.0, 3.3, 7.1, 50.0])
+@pytest.mark.parametrize("clouds", [1, 2, 5, 64])
+def test_whoever_comes_back_when_told_to_is_let_in(keys: KeyStore, rate: float, clouds: int) -> None:
+    text, _ = keys.create("robot-7", ("answer",), rate=rate)
+    clock = Clock()
+    gate = Gate(keys.valid, SERVICE, clock)
+    for _ in range(70):
+        told = []
+        while (error := refusal(gate, text, clouds)) and len(told) < 3:
+            told.append(error)
+            assert f"{rate:g} requests a second" in str(error)
+            assert f"try again in {math.ceil(error.after)} s" in str(error)
+            clock.time += error.after * 1.0001
+        assert len(told) <= (1 if clouds == 1 else 2)  # at the door it is not known how many clouds will come
+    assert clock.time > 1000  # it was refused now and then
+
+
+@pytest.mark.parametrize("rate", [0.5, 3.0, 10.0])
+def test_in_the_long_run_a_key_has_its_rate_answered_and_no_more(keys: KeyStore, rate: float) -> None:
+    """Whatever the sizes of its batches: larger ones than a second's worth are paid off before the next request."""
+    text, _ = keys.create("robot-7", ("answer",), rate=rate)
+    clock, random = Clock(), Random(7)
+    gate = Gate(keys.valid, SERVICE, clock)
+    began, answered, largest = clock.time, 0, 0
+    for _ in range(3000):
+        clouds = random.choice([1, 1, 1, 2, 3, 12, 40])
+        if refusal(gate, text, clouds) is None:
+            answered, largest = answered + clouds, max(largest, clouds)
+        assert answered <= rate * (clock.time - began) + max(rate, 1) + largest
+        clock.time += random.expovariate(rate / 2)
+    assert largest == 40
+    assert answered > 0.5 * rate * (clock.time - began)
+
+
+def test_who_has_no_rate_is_not_counted(keys: KeyStore) -> None:
+    text, _ = keys.create("robot-7", ("answer",))
+    for gate in (Gate(keys.valid, SERVICE), Gate(None, SERVICE)):
+        with gate.entered(text, "answer") as caller:
+            for _ in range(3):
+                caller.spend(10**6)
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def metadata(application: Application, model: str, version: str) -> dict[str, An
     asked = parse_version(version)
     name, number = application.which(parse_model(model), asked)
     if asked is None:
-        return describe(name, application.store.versions(name))
+        return describe(name, application.model(name).versions)
     application.manifest(name, number)
     return describe(name, [number])
 

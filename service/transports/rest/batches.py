@@ -83,7 +83,7 @@ def router(application: Application) -> APIRouter:
 
         A cloud that cannot be answered keeps no other from its answer. A batch takes one place among the requests that
         wait: its clouds are answered one after another, and several at once only while the service has nothing else
-        to do.
+        to do. Against the rate of an access key it counts as many as it has clouds.
         """
         frame = parse_frame(unit, viewpoint)
         parts = parse_detail(detail)
@@ -91,6 +91,7 @@ def router(application: Application) -> APIRouter:
         with application.intake.opened() as take:
             uploads = await receive_clouds(request, limits_of(settings, caller), take, caller.max_batch)
             with application.pool.admitted():
+                caller.spend(len(uploads))
                 name, number = await application.pool.run(application.prepare, model, version, alias)
                 respond = partial(
                     application.respond,

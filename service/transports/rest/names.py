@@ -180,6 +180,7 @@ def router(application: Application) -> APIRouter:
             uploads = await receive_clouds(request, limits, take, caller.max_batch, labelled=True)
             labels = [check_concept_name(upload.label) for upload in uploads]
             with application.pool.admitted():
+                caller.spend(len(uploads))
                 name, version = await application.pool.run(application.prepare, model)
                 respond = partial(
                     application.respond, model=name, version=version, time=time, top=1, max_points=caller.max_points

@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -393,4 +394,12 @@ def test_the_limits_of_a_key_hold(settings: Settings, cloud: np.ndarray) -> None
             assert (refused.status_code, list(refused.json())) == (413, ["error"])
             assert limit in refused.json()["error"]
         assert ask(json.dumps(request_of(cloud[:500])).encode(), few.text).status_code == 200
+    application.close()
+
+
+def test_the_built_in_model_says_its_version_as_any_other(settings: Settings, tmp_path: Path) -> None:
+    application = Application(settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": True}))
+    with answering(application) as client:
+        assert client.get("/v2/models/default").json()["versions"] == ["1"]
+        assert client.get("/v2/models/default/versions/1").json()["versions"] == ["1"]
     application.close()

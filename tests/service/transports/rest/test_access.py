@@ -8,9 +8,11 @@ from typing import Any
 import httpx
 import pytest
 
+from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.keys import KeyStore
+from service.main import http_app
 from service.settings import Settings
 from service.transports.rest.examples import CLOUD_XYZ
 
@@ -51,6 +53,16 @@ def test_a_key_that_is_used_too_much_is_told_when_to_come_back(guarded: httpx.Cl
     codes = [guarded.get("/v1/models", headers=bearing(text)) for _ in range(3)]
     assert [each.status_code for each in codes] == [200, 429, 429]
     assert int(codes[-1].headers["Retry-After"]) >= 1
+
+
+@pytest.mark.parametrize("access", ["open", "keys"])
+def test_the_description_says_whether_keys_are_needed(settings: Settings, access: str) -> None:
+    application = Application(settings.model_copy(update={"access": access}))
+    paths = http_app(application).openapi()["paths"]
+    application.close()
+    for operation in (paths["/v1/models"]["get"], paths["/v1/responses"]["post"], paths["/v2"]["get"]):
+        assert ({} in operation["security"]) == (access == "open")
+    assert "security" not in paths["/healthz"]["get"]
 
 
 def test_a_revoked_key_is_refused_within_seconds(guarded: httpx.Client, settings: Settings) -> None:
@@ -129,6 +141,27 @@ def test_a_key_has_as_many_points_answered_as_it_may(
         if refused:
             assert problems[0]["type"].endswith("too-many-points")
             assert "over the limit of 500; crop" in problems[0]["detail"]
+
+
+@pytest.mark.parametrize("ask", ["responses/batch", "models/tiny/names/propose"])
+def test_several_clouds_count_as_many_as_they_are(guarded: httpx.Client, settings: Settings, ask: str) -> None:
+    """More than the key has in a second are answered, and then paid off."""
+    headers = bearing(KeyStore(settings.store).create("slow", ("answer", "manage"), rate=0.1).text)
+    labels = {"label": ["mug"] * 5} if "propose" in ask else {}
+    sent = {"files": files(*[b"0 0 1"] * 5), "data": labels, "headers": headers}
+    assert guarded.post(f"/v1/{ask}", **sent).status_code == 200
+    refused = guarded.get("/v1/models", headers=headers)
+    assert refused.status_code == 429
+    assert 30 < int(refused.headers["Retry-After"]) <= 50
+
+
+def test_a_batch_beyond_the_rate_is_refused_whole(guarded: httpx.Client, settings: Settings) -> None:
+    headers = bearing(KeyStore(settings.store).create("hasty", ("answer",), rate=20).text)
+    first, second = (guarded.post("/v1/responses/batch", json=[[]] * 20, headers=headers) for _ in range(2))
+    assert first.status_code == 200
+    assert (second.status_code, second.json()["type"].rpartition(":")[2]) == (429, "rate-exceeded")
+    assert second.headers["Retry-After"] == "1"
+    assert "20 requests a second" in second.json()["detail"]
 
 
 @pytest.mark.parametrize("ask", ["responses", "responses/batch"])

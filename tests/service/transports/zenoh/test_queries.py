@@ -12,6 +12,7 @@ import httpx
 import numpy as np
 import pytest
 import zenoh
+from zenoh.ext import z_serialize
 
 from service.application import Application
 from service.clouds import write_ply
@@ -93,6 +94,59 @@ def test_a_depth_image_is_answered_as_over_http(
     good, _, answer = ask(robot, selector, npy(depth))
     assert good, answer
     assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+
+
+def dented_ball() -> tuple[bytes, bytes, dict[str, Any]]:
+    """A depth image of a ball before a wall, a mask that cuts it out, and what is said of the camera."""
+    rows, columns = np.indices((120, 160))
+    within = np.hypot(rows - 60, columns - 80) < 50
+    depth = np.where(within, 600 + 100 * np.hypot(rows - 60, columns - 80) / 80, 900).astype(np.uint16)
+    return npy(depth), npy(within.astype(np.uint8)), {"intrinsics": "400,400,79.5,59.5"}
+
+
+def test_a_mask_comes_as_the_attachment_and_cuts_out_as_over_http(
+    served: Served, client: httpx.Client, robot: zenoh.Session
+) -> None:
+    image, mask, params = dented_ball()
+    files = {"cloud": ("depth.npy", image), "mask": ("mask.npy", mask)}
+    expected = answer_of(client.post("/v1/responses", params=params, files=files))
+    selector = f"tiny/respond?intrinsics={params['intrinsics']}"
+    served(max_body=2**20)
+    good, _, answer = ask(robot, selector, image, attachment=z_serialize({"mask": mask}))
+    assert good, answer
+    assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+    assert ask(robot, selector, image)[2]["extent_m"] > 1.1 * answer["extent_m"]
+    for attachment, kind in (
+        (z_serialize({"mask": mask}).to_bytes()[:-20], "invalid-parameter"),
+        (z_serialize({"mask": mask, "msak": mask}), "invalid-parameter"),
+        (mask, "invalid-parameter"),
+        (z_serialize({"mask": b"\x89PNG"}), "unreadable-cloud"),
+        (z_serialize({"mask": b""}), "unreadable-cloud"),
+        (z_serialize({"mask": npy(np.ones((120, 161), np.uint8))}), "unreadable-cloud"),
+        (z_serialize({"mask": npy(np.zeros((120, 160), np.uint8))}), "no-finite-points"),
+        (z_serialize({"mask": npy(np.ones((1000, 1100), np.uint8))}), "content-too-large"),
+    ):
+        good, _, problem = ask(robot, selector, image, attachment=attachment)
+        assert (good, problem["type"]) == (False, f"urn:shape-concepts:error:{kind}"), problem
+    good, _, problem = ask(robot, "tiny/respond", b"1 2 3\n", attachment=z_serialize({"mask": mask}))
+    assert (good, problem["type"]) == (False, "urn:shape-concepts:error:invalid-parameter")
+
+
+def test_a_mask_may_come_with_an_access_key(
+    served: Served, client: httpx.Client, robot: zenoh.Session, settings: Settings
+) -> None:
+    image, mask, params = dented_ball()
+    key = KeyStore(settings.store).create("a", ("answer",)).text.encode()
+    files = {"cloud": ("depth.npy", image), "mask": ("mask.npy", mask)}
+    expected = answer_of(client.post("/v1/responses", params=params, files=files))
+    served(access="keys")
+    selector = f"tiny/respond?intrinsics={params['intrinsics']}"
+    good, _, answer = ask(robot, selector, image, attachment=z_serialize({"mask": mask, "key": key}))
+    assert good, answer
+    assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+    for fields in ({"mask": mask}, {"mask": mask, "key": b"sc_wrong"}, {"mask": mask, "key": key, "x": b""}):
+        good, _, problem = ask(robot, selector, image, attachment=z_serialize(fields))
+        assert (good, problem["type"]) == (False, "urn:shape-concepts:error:not-authenticated")
 
 
 def test_queries_are_measured_by_their_outcomes(
