@@ -189,6 +189,11 @@ def publish(
     return {"version": manifest.version, "parent": manifest.parent}
 
 
+def resolve(tell: Tell, spec: EvaluateSpec, place: Place) -> str:
+    """NAME:VERSION that is meant; the same however often the job is broken off, wherever an alias moves meanwhile."""
+    return "{}:{}".format(*ModelStore(place.store).resolve(spec.model))
+
+
 def evaluate_model(tell: Tell, spec: EvaluateSpec, place: Place, model: str) -> dict[str, Any]:
     """Judges a model by the labels of a dataset, and keeps the report.
 

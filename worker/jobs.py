@@ -34,6 +34,7 @@ from service.engine.errors import (
     StageDied,
     StoreUnavailable,
 )
+from service.job import Job
 from service.job_specs import JobSpec, read_spec
 from service.jobs import APPLICATION, KEPT, QUEUE, SILENCE, STEPS_VERSION, Jobs, plain, prepare, reporting, sqlite_file
 from service.objects import Objects
@@ -134,13 +135,13 @@ class Worker:
                 learnt = step("learn", job_steps.learn)
                 metrics = step("judge", job_steps.judge) if spec.get("labelled") else None
                 published = step("publish", job_steps.publish, metrics, once)
-                DBOS.run_step({"name": "tidy"}, self._files().remove)
+                DBOS.run_step({"name": "tidy"}, self._tidy)
                 return {"kind": "train", "model": spec["name"], "metrics": metrics, **published, **learnt}
 
         @DBOS.workflow(name="evaluate", max_recovery_attempts=RECOVERIES)
         def evaluate(spec: dict[str, Any]) -> dict[str, Any]:
             with self._reported(spec) as (step, _):
-                model = DBOS.run_step({"name": "resolve"}, self._resolve, spec["model"])
+                model = step("resolve", job_steps.resolve)
                 evaluated: dict[str, Any] = step("evaluate", job_steps.evaluate_model, model)
                 return evaluated
 
@@ -150,12 +151,12 @@ class Worker:
                 simulated: dict[str, Any] = step("simulate", job_steps.simulate_into)
                 return simulated
 
-    def _resolve(self, reference: str) -> str:
-        """NAME:VERSION; the same however often the job is broken off, and wherever an alias moves meanwhile."""
-        return "{}:{}".format(*self._store.resolve(reference))
-
-    def _files(self) -> JobFiles:
-        return JobFiles(self._objects, str(DBOS.workflow_id))
+    def _tidy(self) -> None:
+        """Forgets what the job has kept; what cannot be removed now is swept when a worker starts."""
+        try:
+            JobFiles(self._objects, str(DBOS.workflow_id)).remove()
+        except StoreUnavailable as error:
+            log.warning("job %s: its files stay for now: %s", DBOS.workflow_id, error)
 
     @contextmanager
     def _reported(self, given: dict[str, Any]) -> Iterator[tuple[Callable[..., Any], str]]:
@@ -164,8 +165,7 @@ class Worker:
         Yields:
             What does a step of it, and what no other job has.
         """
-        job = self._jobs.show(str(DBOS.workflow_id))
-        spec, begun = read_spec(given), self._jobs.records.begun(job.id)
+        spec, (job, begun) = read_spec(given), self._begin(str(DBOS.workflow_id))
         report = JobReport(self._jobs.records, job.id, job_steps.stages_of(spec), begun)
         self._under_way.add(job.id)
         report.log(f"taken by worker {self._name}")
@@ -190,6 +190,17 @@ class Worker:
                 report.write()
             if not self._stopping.is_set():
                 self._under_way.discard(job.id)
+
+    def _begin(self, job_id: str) -> tuple[Job, float]:
+        """The job, and when it was first begun. A database that is out of reach is waited for."""
+        while True:
+            try:
+                job = self._jobs.show(job_id)
+                with reporting(self._url):
+                    return job, self._jobs.records.begun(job_id)
+            except JobsUnavailable:
+                if self._stopping.wait(1):
+                    raise Stopping from None
 
     def _do(
         self,
