@@ -73,7 +73,7 @@ class Gate:
 
         Args:
             text: the access key as the client sent it, None for none.
-            scopes: what the request does; a key that allows one of them lets it in.
+            scopes: what the request does; a key that allows one of them allows it.
 
         Raises:
             NotAuthenticated: there is no key, or it is unknown or revoked.
@@ -100,8 +100,8 @@ class Gate:
         assert self._valid is not None
         key = authenticate(text, self._valid())
         if not set(scopes) & set(key.scopes):
-            allowed, wanted = ", ".join(key.scopes), " or ".join(scopes)
-            raise NotAllowed(f"The access key '{key.name}' allows to {allowed}, not to {wanted}.")
+            asked = " or ".join(scopes)
+            raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {asked}.")
         return key
 
     def _caller(self, key: AccessKey) -> Caller:
