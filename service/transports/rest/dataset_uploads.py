@@ -110,7 +110,13 @@ def router(application: Application) -> APIRouter:
         response_model=Upload,
         responses=documented(dataset_examples.UPLOAD_UNDER_WAY, 400, 404, 408, 409, 413, 415, 422, 429, 500, 503),
         openapi_extra={
-            "requestBody": {"required": True, "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}}}
+            "requestBody": {
+                "required": True,
+                "content": {
+                    kind: {"schema": {"type": "string", "format": "binary"}}
+                    for kind in ("application/octet-stream", PIECE)
+                },
+            }
         },
     )
     async def append(
