@@ -185,8 +185,13 @@ def needs_keys(settings: Settings) -> bool:
 
 def _reachable(settings: Settings) -> str | None:
     """An address listened on that other machines reach, of HTTP or zenoh; None if there is none."""
-    zenoh = [endpoint for endpoint in settings.zenoh_listen if not is_loopback(_host_of(endpoint))]
+    zenoh = [endpoint for endpoint in settings.zenoh_listen if others_reach(endpoint)]
     return next(iter([settings.host] * (not is_loopback(settings.host)) + zenoh), None)
+
+
+def others_reach(endpoint: str) -> bool:
+    """Whether other machines can reach an endpoint of zenoh."""
+    return not is_loopback(_host_of(endpoint))
 
 
 def _host_of(endpoint: str) -> str:

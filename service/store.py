@@ -37,6 +37,7 @@ from service.names import NameLog
 from service.objects import Objects
 
 PRODUCTION = "production"
+SHIPPED = Path(__file__).with_name("default_model")  # the store of the model that comes with the service
 NO_MODEL = (
     "The store holds no model yet: train and publish one first, "
     "with shape-concepts-worker train --simulate 250 --name default"
@@ -57,6 +58,9 @@ class ModelStore:
         self, model: ShapeModel, *, name: str, seed: int, source: dict[str, Any], alias: str | None = PRODUCTION
     ) -> Manifest:
         """Publishes a model as the next version of a name, and lets an alias mean it.
+
+        The versions of the model that ships with the service are never given again, though this store has none of them:
+        `default:1` means one model wherever it is asked.
 
         Args:
             model: what to publish.
@@ -80,7 +84,7 @@ class ModelStore:
         def manifest(version: int) -> Manifest:
             return describe(model, data, name=name, version=version, created=created, seed=seed, source=source)
 
-        version = max(self.versions(name), default=0) + 1
+        version = max(self.versions(name) + ModelStore(SHIPPED).versions(name), default=0) + 1
         while not self._objects.create_number(_versions(name), version, write_manifest(manifest(version))):
             version += 1
         if alias is not None:  # unless a racer has let it mean a later version meanwhile
