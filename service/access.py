@@ -73,7 +73,7 @@ class Gate:
 
         Args:
             text: the access key as the client sent it, None for none.
-            scopes: what the request does; a key that allows one of them lets it in.
+            scopes: what the request does; a key that allows one of them allows it.
 
         Raises:
             NotAuthenticated: there is no key, or it is unknown or revoked.
@@ -100,8 +100,8 @@ class Gate:
         assert self._valid is not None
         key = authenticate(text, self._valid())
         if not set(scopes) & set(key.scopes):
-            allowed, wanted = ", ".join(key.scopes), " or ".join(scopes)
-            raise NotAllowed(f"The access key '{key.name}' allows to {allowed}, not to {wanted}.")
+            asked = " or ".join(scopes)
+            raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {asked}.")
         return key
 
     def _caller(self, key: AccessKey) -> Caller:
@@ -185,8 +185,13 @@ def needs_keys(settings: Settings) -> bool:
 
 def _reachable(settings: Settings) -> str | None:
     """An address listened on that other machines reach, of HTTP or zenoh; None if there is none."""
-    zenoh = [endpoint for endpoint in settings.zenoh_listen if not is_loopback(_host_of(endpoint))]
+    zenoh = [endpoint for endpoint in settings.zenoh_listen if others_reach(endpoint)]
     return next(iter([settings.host] * (not is_loopback(settings.host)) + zenoh), None)
+
+
+def others_reach(endpoint: str) -> bool:
+    """Whether other machines can reach an endpoint of zenoh."""
+    return not is_loopback(_host_of(endpoint))
 
 
 def _host_of(endpoint: str) -> str:

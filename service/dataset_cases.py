@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -49,12 +49,14 @@ class Reading(NamedTuple):
         viewpoint: pose of the sensor.
         replace: whether a cloud may stand in the place of another one of its key.
         max_points: limit on the points of a cloud; None for the service's own.
+        spend: is told how many files an archive holds before any of them is taken, and may raise.
     """
 
     unit: str | None = None
     viewpoint: Viewpoint | None = None
     replace: bool = False
     max_points: int | None = None
+    spend: Callable[[int], None] = lambda files: None
 
 
 class LabelsTaken(BaseModel):
@@ -172,7 +174,7 @@ class DatasetCases:
         """
         self.store.about(name)
         archive = Archive(file, self.bounds)
-        archive.check()
+        how.spend(archive.check())
         told: dict[str, Entry] = {}
         yield from self._take_all(name, archive.members(lambda file: file in told or _is_wanted(file)), how, told)
 
@@ -256,19 +258,19 @@ class DatasetCases:
             check_key(key)
         return self.uploads.begin(name, length, key=key, replace=how.replace, unit=how.unit, viewpoint=how.viewpoint)
 
-    def finish(self, upload: Upload, file: IO[bytes], max_points: int | None = None) -> Iterator[Verdict]:
+    def finish(self, upload: Upload, file: IO[bytes], caller: Reading) -> Iterator[Verdict]:
         """Adds what an upload brought, and forgets the upload once all is there; may be asked for again until then.
 
         Args:
             upload: as it stands.
             file: empty, to put it together in; open until the last verdict.
-            max_points: as in `Reading`.
+            caller: what the caller may; how clouds are read was said when the upload began.
 
         Raises:
             UploadConflict: some is missing.
             ShapeConceptsError: as `unpack`.
         """
-        how = Reading(upload.unit, pose_of(upload.viewpoint), upload.replace, max_points)
+        how = caller._replace(unit=upload.unit, viewpoint=pose_of(upload.viewpoint), replace=upload.replace)
         for piece in self.uploads.content(upload):
             file.write(piece)
         if upload.key is None:

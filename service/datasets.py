@@ -115,6 +115,7 @@ class Datasets:
             DatasetNotFound: there is none of that name.
         """
         self.about(name)
+        self._objects.remove(f"{SETS}/{name}/clouds")  # killed on the way, there is still a dataset to delete
         self._objects.discard([_about(name)])
         self._objects.remove(f"{SETS}/{name}")
         self.sweep()

@@ -35,6 +35,7 @@ log = logging.getLogger(__name__)
 SWITCH = (
     0.001  # seconds that a thread at work keeps the interpreter from the event loop, which does so little each time
 )
+IDLE = 75  # seconds that a connection may idle: longer than clients keep one, who so never use one that is being closed
 GRACE = 30  # seconds that requests under way have when the service is told to end
 
 
@@ -100,6 +101,7 @@ async def _serve(application: Application, settings: Settings) -> None:
             access_log=False,  # telemetry writes a line a request, for every transport
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
+            timeout_keep_alive=IDLE,
             timeout_graceful_shutdown=GRACE,
         ),
         application,

@@ -39,6 +39,7 @@ from service.names import NameLog
 from service.objects import Objects
 
 PRODUCTION = "production"
+SHIPPED = Path(__file__).with_name("default_model")  # the store of the model that comes with the service
 NO_MODEL = (
     "The store holds no model yet: train and publish one first, "
     "with shape-concepts-worker train --simulate 250 --name default"
@@ -77,6 +78,9 @@ class ModelStore:
         once: str | None = None,
     ) -> Manifest:
         """Publishes a model as the next version of a name, and lets an alias mean it.
+
+        The versions of the model that ships with the service are never given again, though this store has none of them:
+        `default:1` means one model wherever it is asked.
 
         Args:
             model: what to publish.
@@ -257,7 +261,7 @@ class ModelStore:
                 same ones; None for one that is not repeated.
             refused: the choice whose number another publication has taken.
         """
-        version = max(self.versions(name), default=0) + 1
+        version = max(self.versions(name) + ModelStore(SHIPPED).versions(name), default=0) + 1
         fresh = _Choice((refused.attempt if refused else 0) + 1, version, datetime.now(UTC).replace(microsecond=0))
         if place is None:
             return fresh

@@ -33,7 +33,7 @@ def list_models(as_json: bool, store: str | None) -> None:
         tables.show_models(found)
 
 
-@models.command(epilog=examples("shape-concepts models show default", "shape-concepts models show default:1 --json"))
+@models.command(epilog=examples("shape-concepts models show default", "shape-concepts models show default:2 --json"))
 @click.argument("model", metavar="NAME")
 @json_option
 @store_option
@@ -54,7 +54,7 @@ def show(model: str, as_json: bool, store: str | None) -> None:
 
 @models.command(
     epilog=examples(
-        "shape-concepts models export default --out exported", "shape-concepts models export default:1 --out exported"
+        "shape-concepts models export default --out exported", "shape-concepts models export default:2 --out exported"
     )
 )
 @click.argument("model", metavar="NAME")

@@ -23,7 +23,7 @@ def names() -> None:
 
 
 @names.command(
-    "list", epilog=examples("shape-concepts names list default", "shape-concepts names list default:1 --json")
+    "list", epilog=examples("shape-concepts names list default", "shape-concepts names list default:2 --json")
 )
 @click.argument("model", metavar="NAME")
 @json_option

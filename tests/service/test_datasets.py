@@ -254,16 +254,16 @@ def _add_for_ever(folder: str) -> None:
 
 
 def test_an_upload_that_is_killed_leaves_nothing_half_written(local: Datasets) -> None:
-    endless = f"from tests.service.test_datasets import _add_for_ever as go\nprint(flush=True)\ngo({local.url!r})"
+    endless = f"from tests.service.test_datasets import _add_for_ever as go\ngo({local.url!r})"
     for attempt in range(3):
-        with subprocess.Popen([sys.executable, "-c", endless], stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
-            time.sleep(0.1 + random.Random(attempt).random() / 3)
+        with subprocess.Popen([sys.executable, "-c", endless]) as process:
+            before, end = len(local.keys("mugs")), time.monotonic() + 60
+            while len(local.keys("mugs")) < before + 3:
+                assert time.monotonic() < end
+                time.sleep(0.01)
+            time.sleep(random.Random(attempt).random() / 10)
             process.kill()
-        entries = local.entries("mugs")
-        assert entries
-        for entry in entries:
+        for entry in local.entries("mugs"):
             assert sha256(local.content(entry)).hexdigest() == entry.sha256
 
 

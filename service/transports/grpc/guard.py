@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
@@ -21,6 +20,7 @@ from service.telemetry import Telemetry, Wire
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
+from service.transports.request_ids import name_request
 from service.transports.served import asking
 
 log = logging.getLogger(__name__)
@@ -115,12 +115,12 @@ class Guard(grpc.aio.ServerInterceptor):
         )
 
     async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> None:
-        request_id = str(uuid.uuid4())
+        given = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
+        request_id = name_request(given.get(REQUEST_ID, ""))
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
-        carrier = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
         wire: Wire = "grpc" if method.startswith(f"/{PACKAGE}.") else "open-inference"
-        with self._telemetry.request(wire, request_id, method, carrier) as seen:
+        with self._telemetry.request(wire, request_id, method, given) as seen:
             try:
                 with self._entered():
                     async with self._let_in(method, _key_of(context)) as caller:  # before any message is received

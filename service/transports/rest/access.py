@@ -40,20 +40,14 @@ def caller_of(request: Request) -> Caller:
     return caller
 
 
-def reading(application: Application, otherwise: Scope, readers: tuple[Scope, ...] = ("answer",)) -> Dependency:
-    """As `needing`: whoever may have answers may read, and who alters something needs another scope.
-
-    Args:
-        application: that is asked.
-        otherwise: what alters something.
-        readers: of these scopes, one is enough to read.
-    """
+def reading(application: Application, *scopes: Scope, otherwise: Scope) -> Dependency:
+    """As `needing`: who has one of some scopes may read, by default "answer"; who alters something needs another."""
 
     def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
     ) -> Iterator[None]:
-        scopes = readers if request.method in READING else (otherwise,)
-        with application.access.entered(sent.credentials if sent else None, *scopes) as request.state.caller:
+        any_of = (scopes or ("answer",)) if request.method in READING else (otherwise,)
+        with application.access.entered(sent.credentials if sent else None, *any_of) as request.state.caller:
             yield
 
     result: Any = Depends(enter)

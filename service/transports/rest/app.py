@@ -47,9 +47,9 @@ def create_app(application: Application) -> FastAPI:
         (batches, access.needing(application, "answer")),
         (models, access.reading(application, otherwise="manage")),
         (names, access.reading(application, otherwise="manage")),
-        (datasets, access.reading(application, otherwise="train", readers=("answer", "train"))),
-        (dataset_uploads, access.reading(application, otherwise="train", readers=("answer", "train"))),
-        (jobs, access.reading(application, otherwise="train", readers=("answer", "train"))),
+        (datasets, access.reading(application, "answer", "train", otherwise="train")),
+        (dataset_uploads, access.reading(application, "answer", "train", otherwise="train")),
+        (jobs, access.reading(application, "answer", "train", otherwise="train")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

@@ -17,9 +17,10 @@ from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter, ShapeConceptsError
 from service.transports import errors
 from service.transports.arriving import limits_of
+from service.transports.detail import parse_detail
 from service.transports.rest import model_examples
 from service.transports.rest.access import caller_of
-from service.transports.rest.detail import DetailQuery, as_json, parse_detail
+from service.transports.rest.detail import DetailQuery, as_json
 from service.transports.rest.problems import Problem, documented
 from service.transports.rest.queries import (
     AliasQuery,

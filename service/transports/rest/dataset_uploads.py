@@ -110,7 +110,13 @@ def router(application: Application) -> APIRouter:
         response_model=Upload,
         responses=documented(dataset_examples.UPLOAD_UNDER_WAY, 400, 404, 408, 409, 413, 415, 422, 429, 500, 503),
         openapi_extra={
-            "requestBody": {"required": True, "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}}}
+            "requestBody": {
+                "required": True,
+                "content": {
+                    kind: {"schema": {"type": "string", "format": "binary"}}
+                    for kind in ("application/octet-stream", PIECE)
+                },
+            }
         },
     )
     async def append(
@@ -141,10 +147,10 @@ def router(application: Application) -> APIRouter:
     )
     async def finish(request: Request, name: DatasetName, upload: UploadId) -> Response:
         """Once all pieces are there. The answer is that of an archive. If it does not arrive, ask again."""
-        found = await run_in_threadpool(find, name, upload)
+        found, caller = await run_in_threadpool(find, name, upload), caller_of(request)
         with cases.room.opened() as take, cases.spooled() as file:
             take(found.length)
-            verdicts = cases.finish(found, file, caller_of(request).max_points)
+            verdicts = cases.finish(found, file, Reading(max_points=caller.max_points, spend=caller.spend))
             return await tell_each(application, request, name, verdicts)
 
     @routes.delete(

@@ -231,11 +231,11 @@ def router(application: Application) -> APIRouter:
         refused as a whole.
         """
         _check_archive(request.headers.get("content-type", ""))
-        frame = parse_frame(unit, viewpoint)
-        how = Reading(frame.unit, frame.viewpoint, replace, caller_of(request).max_points)
+        caller, frame = caller_of(request), parse_frame(unit, viewpoint)
+        how = Reading(frame.unit, frame.viewpoint, replace, caller.max_points, caller.spend)
         await run_in_threadpool(cases.store.about, name)
-        limits = limits_of(settings, caller_of(request))
-        limits = limits._replace(max_bytes=largest(settings, caller_of(request)), timeout=settings.archive_timeout)
+        limits = limits_of(settings, caller)
+        limits = limits._replace(max_bytes=largest(settings, caller), timeout=settings.archive_timeout)
         with cases.room.opened() as take, cases.spooled() as file:
             async with arriving(request, limits, take) as limited:
                 await receive_file(limited, file)

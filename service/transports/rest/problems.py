@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 import time
-import uuid
 from http import HTTPStatus
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -23,12 +21,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
 from service.telemetry import current
 from service.transports import errors
+from service.transports.request_ids import name_request
 from service.transports.rest import examples
 
 log = logging.getLogger(__name__)
 
 REQUEST_ID = "X-Request-ID"
-_ACCEPTED_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")  # harmless in a header, a line of a log and a URN
 
 
 class Refusal(NamedTuple):
@@ -123,8 +121,7 @@ class _Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        given = Headers(scope=scope).get(REQUEST_ID, "")
-        request_id = given if _ACCEPTED_ID.fullmatch(given) else str(uuid.uuid4())
+        request_id = name_request(Headers(scope=scope).get(REQUEST_ID, ""))
         scope.setdefault("state", {})["id"] = request_id
         status: int | None = None
         began = time.perf_counter()

@@ -13,10 +13,11 @@ from service.engine.model import OnStage
 from service.scene_answer import SceneAnswer
 from service.transports.arriving import limits_of
 from service.transports.connected import while_connected
+from service.transports.detail import parse_detail
 from service.transports.rest import examples
 from service.transports.rest.access import caller_of
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
-from service.transports.rest.detail import DetailQuery, as_json, parse_detail
+from service.transports.rest.detail import DetailQuery, as_json
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
     AliasQuery,
@@ -179,7 +180,7 @@ def router(application: Application) -> APIRouter:
                     max_points=caller.max_points,
                     on_stage=on_stage,
                 )
-                left_out: Any = {"objects": {"__all__": {"answer": parts.exclude()}}} if scene else parts.exclude()
+                left_out = parts.exclude(scene=scene)
                 return as_json(answer, left_out)
 
             with application.pool.admitted():

@@ -9,7 +9,6 @@ import re
 import uuid
 from concurrent.futures import Future
 from contextlib import ExitStack
-from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
@@ -113,11 +112,21 @@ class Queries:
         data = b"" if query.payload is None else query.payload.to_bytes()
         format = asked.format or format_of(query.encoding)
         cloud = CloudFile(data, format, unit=asked.unit, viewpoint=asked.pose, camera=asked.camera, mask=mask)
-        flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
-        flags["max_points"] = caller.max_points
+        parts = asked.parts
         respond = self._application.respond_scene if asked.scene else self._application.respond
-        answer = respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
-        return answer.model_dump_json()
+        answer = respond(
+            cloud,
+            model=model,
+            version=asked.version,
+            alias=asked.alias,
+            time=asked.time,
+            top=asked.top,
+            stimuli=parts.stimuli,
+            explain=parts.explanation,
+            segments=parts.segments,
+            max_points=caller.max_points,
+        )
+        return answer.model_dump_json(exclude=parts.exclude(scene=asked.scene))
 
 
 def _size_of(query: zenoh.Query) -> int:

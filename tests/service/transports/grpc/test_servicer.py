@@ -304,6 +304,13 @@ def test_concepts_of_what_is_not_there_are_refused(stub: Stub, asked: dict[str, 
     assert error.code().name == code
 
 
+@pytest.mark.parametrize(("given", "taken"), [("robot-7.42", True), ("not one", False)])
+def test_the_id_of_a_request_is_taken_over_if_it_is_harmless(stub: Stub, given: str, taken: bool) -> None:
+    with pytest.raises(grpc.RpcError) as caught:
+        stub.GetModel(GetModelRequest(model="nobody"), metadata=[("x-request-id", given)])
+    assert (dict(caught.value.trailing_metadata())["x-request-id"] == given) == taken
+
+
 def refused(call: Callable[[], Any]) -> tuple[grpc.RpcError, details.ErrorInfo]:
     with pytest.raises(grpc.RpcError) as caught:
         call()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import random
+import socket
 import tarfile
 import time
 import zipfile
@@ -411,9 +412,13 @@ def test_an_archive_whose_client_hangs_up_keeps_what_was_taken_and_can_be_sent_a
     made: httpx.Client, application: Application
 ) -> None:
     body = b"".join(write([(f"{n}.ply", ply(n)) for n in range(300)], "tar.gz", NOW))
-    with pytest.raises(httpx.ReadTimeout):
-        made.post(f"{ROOT}/archive", content=body, timeout=0.4)
-    until = time.monotonic() + 10
+    head = f"POST {ROOT}/archive HTTP/1.1\r\nHost: x\r\nContent-Length: {len(body)}\r\n\r\n"
+    until = time.monotonic() + 30
+    with socket.create_connection((made.base_url.host, made.base_url.port or 80)) as wire:
+        wire.sendall(head.encode() + body)
+        while not application.datasets.store.keys("mugs"):
+            assert time.monotonic() < until
+            time.sleep(0.005)
     while application.pool.at_work or application.datasets.room.held:
         assert time.monotonic() < until
         time.sleep(0.02)
@@ -421,3 +426,31 @@ def test_an_archive_whose_client_hangs_up_keeps_what_was_taken_and_can_be_sent_a
     assert 0 < taken < 300
     told = made.post(f"{ROOT}/archive", content=body).json()["outcomes"]
     assert told == {"already-there": taken, "accepted": 300 - taken}
+
+
+def test_each_cloud_of_an_archive_counts_against_the_rate_of_a_key(guarded: httpx.Client, settings: Settings) -> None:
+    key = KeyStore(settings.store).create("hasty", ("train",), rate=2).text
+    headers = {"Authorization": f"Bearer {key}"}
+    time.sleep(1.1)
+    assert guarded.put(ROOT, headers=headers).status_code == 200
+    time.sleep(1.1)
+    body = zipped(*[(f"{n}.ply", ply(n)) for n in range(6)])
+    assert guarded.post(f"{ROOT}/archive", content=body, headers=headers).status_code == 200
+    refused = guarded.get(ROOT, headers=headers)
+    assert problem(refused) == (429, "rate-exceeded")
+    assert int(refused.headers["retry-after"]) > 1
+
+
+def test_a_key_of_smaller_limits_has_them_here_as_well(guarded: httpx.Client, settings: Settings) -> None:
+    key = KeyStore(settings.store).create("small", ("train",), max_body=2000, max_points=149).text
+    headers = {"Authorization": f"Bearer {key}"}
+    time.sleep(1.1)
+    assert guarded.put(ROOT, headers=headers).status_code == 200
+    assert problem(guarded.put(f"{ROOT}/clouds/a", content=bytes(2001), headers=headers)) == (413, "content-too-large")
+    assert problem(guarded.post(f"{ROOT}/archive", content=bytes(2001), headers=headers)) == (413, "content-too-large")
+    begun = guarded.post(f"{ROOT}/uploads", json={"length": 2001}, headers=headers)
+    assert problem(begun) == (413, "archive-too-large")
+    assert problem(guarded.put(f"{ROOT}/clouds/a", content=ply(1)[:2000], headers=headers))[0] in (400, 413)
+    small = zipped(("a.xyz", b"".join(b"0.%03d 0.1 0.5\n" % n for n in range(200))))
+    told = guarded.post(f"{ROOT}/archive", content=small, headers=headers).json()["verdicts"]
+    assert told[0]["error"]["type"] == "too-many-points"

@@ -52,6 +52,8 @@ def test_the_answer_over_zenoh_is_that_over_http(
         {},
         {"time": 0.8, "top": 2},
         {"explain": "true", "segments": "true", "stimuli": "true", "unit": "dm"},
+        {"detail": "concepts"},
+        {"detail": "stimuli,explanation", "top": 1},
     ):
         for cloud in clouds[:3]:
             expected = answer_of(client.post("/v1/responses", params=params, content=write_ply(cloud)))
