@@ -27,7 +27,8 @@ from service.choosing import Choosing, Meant
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
-from service.jobs import Job, Jobs, JobSpec
+from service.job_specs import JobSpec
+from service.jobs import Job, Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.metrics import State

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import logging
-import re
 import sqlite3
 import uuid
 from collections.abc import Iterator
@@ -16,14 +15,13 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
+from pydantic import BaseModel, Field
 
 from service.engine import errors
 from service.engine.errors import InvalidParameter, JobNotFound, JobsUnavailable, ShapeConceptsError
-from service.engine.params import ModelParams
-from service.model_file import NAME
+from service.job_specs import KINDS, JobSpec, check_id, read_spec
 
 if TYPE_CHECKING:
     from dbos import DBOSClient, WorkflowStatus
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
 APPLICATION = "shape-concepts"
 STEPS_VERSION = "1"  # of the steps a job consists of: another one waits for workers that know it
 QUEUE = "jobs"
-TRAIN: Final = "train"
 
 SILENCE = logging.NullHandler()
 
@@ -45,44 +42,6 @@ STATES: dict[str, State] = {
     "MAX_RECOVERY_ATTEMPTS_EXCEEDED": "failed",
     "CANCELLED": "cancelled",
 }
-
-
-class JobSpec(BaseModel):
-    """What a training job is to do."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    kind: Literal["train"] = Field(TRAIN, description="the work: learn concepts and publish them")
-    name: str = Field(pattern=f"^{NAME}$", max_length=63, description="name of the model")
-    alias: str | None = Field(
-        "production", pattern=f"^{NAME}$", max_length=63, description="alias that shall mean the new version, if any"
-    )
-    simulate: int | None = Field(None, ge=2, description="learn from so many simulated objects")
-    clouds: str | None = Field(None, description="learn from all clouds of this folder, as the worker sees it")
-    seed: int = Field(7, ge=0, description="seed of all random draws")
-    params: ModelParams = Field(default_factory=ModelParams, description="parameters of every stage")
-    simulation: dict[str, JsonValue] = Field(
-        default_factory=dict, description="parameters of the simulation that differ from the default"
-    )
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        if (self.simulate is None) == (self.clouds is None):
-            raise ValueError("give one of simulate and clouds")
-        return self
-
-    @classmethod
-    def of(cls, **given: Any) -> JobSpec:
-        """The job that these values describe.
-
-        Raises:
-            InvalidParameter: they describe none.
-        """
-        try:
-            return cls(**given)
-        except ValidationError as error:
-            said = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'job'}: {e['msg']}" for e in error.errors())
-            raise InvalidParameter(f"There cannot be such a job: {said}.") from error
 
 
 class JobResult(BaseModel):
@@ -139,15 +98,12 @@ class Jobs:
             InvalidParameter: the id is of another form, or another job bears it.
         """
         chosen = job_id or str(uuid.uuid4())
-        if not re.fullmatch(NAME, chosen) or len(chosen) > 63:
-            raise InvalidParameter(
-                f"'{chosen}' cannot be the id of a job: lower-case letters, digits and hyphens, at most 63."
-            )
+        check_id(chosen)
         with reporting(self.url):
             prepare(self.url)
             self._client.enqueue(
                 {
-                    "workflow_name": TRAIN,
+                    "workflow_name": spec.kind,
                     "queue_name": QUEUE,
                     "workflow_id": chosen,
                     "app_version": STEPS_VERSION,
@@ -206,7 +162,7 @@ class Jobs:
         if file is not None and not file.exists():  # nothing was ever submitted; to look must not make a database
             return []
         with reporting(self.url):
-            return [_job(status) for status in self._client.list_workflows(name=TRAIN, **which)]
+            return [_job(status) for status in self._client.list_workflows(name=list(KINDS), **which)]
 
 
 def engine() -> Any:
@@ -276,7 +232,7 @@ def _job(status: WorkflowStatus) -> Job:
     return Job(
         id=status.workflow_id,
         state=state,
-        spec=JobSpec.model_validate(inputs["args"][0]),
+        spec=read_spec(inputs["args"][0]),
         submitted=_time(status.created_at) or datetime.now(UTC),
         started=_time(status.dequeued_at),
         finished=_time(status.completed_at),

@@ -27,8 +27,13 @@ FORMAT: Final = "shape-concepts-model"
 FORMAT_VERSION = 4
 TENSORS = "model.safetensors"
 NAME = r"[a-z0-9][a-z0-9-]*"
-VARYING = ("name", "version", "created", "digest")  # what two publications of one model may differ in
+VARYING = ("name", "version", "created", "job", "digest")  # what two publications of one model may differ in
 FOREIGN = {b"\x80": "a Python pickle", b"PK": "a zip archive, as PyTorch writes", b"\x89HDF": "an HDF5 file"}
+
+
+def _untold(value: object) -> bool:
+    """Whether a manifest leaves a field out: models that were published before it existed keep their digests."""
+    return value is None
 
 
 class Content(BaseModel):
@@ -53,6 +58,18 @@ class Manifest(BaseModel):
     seed: int = Field(description="seed of all random draws of the training")
     params: ModelParams = Field(description="parameters of every stage")
     source: dict[str, JsonValue] = Field(description="where the training clouds came from")
+    parent: str | None = Field(
+        None,
+        pattern=rf"^{NAME}:[0-9]{{1,8}}$",
+        description="NAME:VERSION of the model that this one follows, if it was told",
+        exclude_if=_untold,
+    )
+    metrics: dict[str, float] | None = Field(
+        None,
+        description="figures by which it was judged before it was published, in [0, 1], 1 is best",
+        exclude_if=_untold,
+    )
+    job: str | None = Field(None, description="id of the job that made it, if one did", exclude_if=_untold)
     counts: dict[str, int | list[int]] = Field(
         description="how many prototypes, concepts, motif vertices and the like it holds"
     )
@@ -66,13 +83,23 @@ class Manifest(BaseModel):
     contents: dict[str, Content] = Field(description="files of the model and their hashes")
     libraries: dict[str, str] = Field(description="versions of the software that trained it")
     digest: str = Field(
-        description="SHA-256 of this manifest as compact JSON with sorted keys, without name, version, created and "
-        "digest: equal for models that are the same bit for bit"
+        description="SHA-256 of this manifest as compact JSON with sorted keys, without name, version, created, job "
+        "and digest: equal for models that are the same bit for bit"
     )
 
 
 def describe(
-    model: ShapeModel, data: bytes, *, name: str, version: int, created: datetime, seed: int, source: dict[str, Any]
+    model: ShapeModel,
+    data: bytes,
+    *,
+    name: str,
+    version: int,
+    created: datetime,
+    seed: int,
+    source: dict[str, Any],
+    parent: str | None = None,
+    metrics: dict[str, float] | None = None,
+    job: str | None = None,
 ) -> Manifest:
     """The manifest of a model about to be published.
 
@@ -84,6 +111,9 @@ def describe(
         created: time of publication.
         seed: of the training.
         source: where the training clouds came from, JSON-able.
+        parent: NAME:VERSION of the model that it follows.
+        metrics: figures by which it was judged.
+        job: id of the job that made it.
     """
     manifest = Manifest(
         name=name,
@@ -92,6 +122,9 @@ def describe(
         seed=seed,
         params=model.params,
         source=source,
+        parent=parent,
+        metrics=metrics,
+        job=job,
         contents={TENSORS: Content(sha256=sha256(data), size=len(data))},
         libraries=_libraries(),
         digest="",

@@ -6,6 +6,7 @@ Layout, below the store's URL:
     models/<name>/versions/<8 digits>.json         manifests; a version exists when its manifest does
     models/<name>/aliases/<alias>/<8 digits>.json  an append-only log; the highest number holds
     models/<name>/names/<version>/<8 digits>.json  another one: the names of the version's concepts
+    models/<name>/once/<key>/<8 digits>.json       numbers that a publication which may be repeated has chosen
 
 Content is written first and the manifest last, with a put that creates or fails: a version is there whole or not at
 all, and of two publishers who want the same number one takes the next.
@@ -13,10 +14,11 @@ all, and of two publishers who want the same number one takes the next.
 
 from __future__ import annotations
 
+import json
 import re
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from service.aliases import AliasEntry, AliasLog
 from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
@@ -33,6 +35,14 @@ NO_MODEL = (
 REFERENCE = re.compile(rf"(?P<name>{NAME})(@(?P<alias>{NAME})|:(?P<version>[0-9]{{1,8}}))?")
 
 
+class _Choice(NamedTuple):
+    """The number and the time under which a publication wants to appear, at its so-manieth attempt."""
+
+    attempt: int
+    version: int
+    created: datetime
+
+
 class ModelStore:
     """Models by name and version, in the folder or bucket of a URL."""
 
@@ -43,7 +53,17 @@ class ModelStore:
     # Writing
 
     def publish(
-        self, model: ShapeModel, *, name: str, seed: int, source: dict[str, Any], alias: str | None = PRODUCTION
+        self,
+        model: ShapeModel,
+        *,
+        name: str,
+        seed: int,
+        source: dict[str, Any],
+        alias: str | None = PRODUCTION,
+        parent: str | None = None,
+        metrics: dict[str, float] | None = None,
+        job: str | None = None,
+        once: str | None = None,
     ) -> Manifest:
         """Publishes a model as the next version of a name, and lets an alias mean it.
 
@@ -53,6 +73,10 @@ class ModelStore:
             seed: of the training.
             source: where the training clouds came from, JSON-able.
             alias: of the new version; None for none.
+            parent: NAME:VERSION of the model that it follows.
+            metrics: figures by which it was judged.
+            job: id of the job that made it.
+            once: however often, and by however many, a job publishes with the same key, it is one version.
 
         Raises:
             InvalidParameter: the name or alias is not of that form.
@@ -64,17 +88,22 @@ class ModelStore:
         self._objects.sweep()
         data = encode(model)
         self._objects.put(_blob_key(sha256(data)), data)
-        created = datetime.now(UTC)
-
-        def manifest(version: int) -> Manifest:
-            return describe(model, data, name=name, version=version, created=created, seed=seed, source=source)
-
-        version = max(self.versions(name), default=0) + 1
-        while not self._objects.create_number(_versions(name), version, write_manifest(manifest(version))):
-            version += 1
+        made: dict[str, Any] = {"name": name, "seed": seed, "source": source}
+        made |= {"parent": parent, "metrics": metrics, "job": job}
+        place = f"models/{name}/once/{once}" if once else None
+        choice = self._chosen(name, place)
+        while True:
+            manifest = describe(model, data, version=choice.version, created=choice.created, **made)
+            if self._objects.create_number(_versions(name), choice.version, write_manifest(manifest)):
+                break
+            there = self.manifest(name, choice.version) if place else None
+            if there and (there.created, there.job) == (choice.created, job):  # it was us, before
+                manifest = there
+                break
+            choice = self._chosen(name, place, choice)
         if alias is not None:  # unless a racer has let it mean a later version meanwhile
-            self._log(name, alias).promote(version, only_forward=True)
-        return manifest(version)
+            self._log(name, alias).promote(choice.version, only_forward=True)
+        return manifest
 
     def promote(self, name: str, version: int, alias: str = PRODUCTION) -> None:
         """Lets an alias mean a version from now on; nothing happens when it does already.
@@ -207,6 +236,25 @@ class ModelStore:
         return sorted(files)
 
     # Inside
+
+    def _chosen(self, name: str, place: str | None, refused: _Choice | None = None) -> _Choice:
+        """The number that a publication takes next, and its time.
+
+        Args:
+            name: of the model.
+            place: where the choices of a publication that may be repeated are kept, so that each repetition makes the
+                same ones; None for one that is not repeated.
+            refused: the choice whose number another publication has taken.
+        """
+        version = max(self.versions(name), default=0) + 1
+        fresh = _Choice((refused.attempt if refused else 0) + 1, version, datetime.now(UTC).replace(microsecond=0))
+        if place is None:
+            return fresh
+        kept = json.dumps({"version": fresh.version, "created": fresh.created.isoformat()}).encode()
+        if not self._objects.create_number(place, fresh.attempt, kept):
+            facts = json.loads(self._objects.get_number(place, fresh.attempt))
+            return _Choice(fresh.attempt, facts["version"], datetime.fromisoformat(facts["created"]))
+        return fresh
 
     def _log(self, name: str, alias: str) -> AliasLog:
         return AliasLog(self._objects, f"models/{name}/aliases/{alias}")

@@ -268,12 +268,11 @@ def show_proposals(proposals: list[Proposal], *, applied: bool) -> None:
 def show_jobs(jobs: list[Job]) -> None:
     """Prints jobs, a row each."""
     table = Table()
-    for heading in ("job", "state", "model", "clouds", "submitted (UTC)", "outcome"):
+    for heading in ("job", "state", "makes", "of", "submitted (UTC)", "outcome"):
         table.add_column(heading)
     for job in jobs:
-        source = job.spec.clouds or f"{job.spec.simulate} simulated"
         submitted = f"{job.submitted:%Y-%m-%d %H:%M:%S}"
-        table.add_row(job.id, job.state, job.spec.name, escape(source), submitted, escape(_outcome(job)))
+        table.add_row(job.id, job.state, *map(escape, _asked(job)), submitted, escape(_outcome(job)))
     Console().print(table)
 
 
@@ -287,11 +286,30 @@ def show_job(job: Job) -> None:
         "worker": job.worker or "-",
         "outcome": _outcome(job),
         **{name: str(value) for name, value in job.spec.model_dump(exclude={"params"}).items() if value is not None},
-        **{f"parameters: {stage}": _pairs(params) for stage, params in job.spec.params.model_dump().items()},
+        **{f"parameters: {stage}": _pairs(params) for stage, params in _params_of(job).items()},
     }
     for name, value in rows.items():
         table.add_row(name, escape(value))
     Console().print(table)
+
+
+def _asked(job: Job) -> tuple[str, str]:
+    """What a job makes or judges, and of what."""
+    spec = job.spec
+    if spec.kind == "evaluate":
+        return spec.model, f"judged by dataset {spec.dataset}"
+    if spec.kind == "simulate":
+        return f"dataset {spec.dataset}", f"{spec.count} simulated"
+    sources = [f"dataset {name}" for name in spec.datasets]
+    if spec.simulate is not None:
+        sources.append(f"{spec.simulate} simulated")
+    if spec.clouds is not None:
+        sources.append(spec.clouds)
+    return spec.name, ", ".join(sources)
+
+
+def _params_of(job: Job) -> dict[str, dict[str, object]]:
+    return job.spec.params.model_dump() if job.spec.kind == "train" else {}
 
 
 def _outcome(job: Job) -> str:

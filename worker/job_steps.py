@@ -13,7 +13,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,8 @@ import safetensors.numpy
 from service.engine.cloud import PointCloud
 from service.engine.model import ShapeModel
 from service.engine.perception import OnStage
-from service.jobs import JobSpec
-from service.model_file import describe, encode
+from service.job_specs import TrainSpec
+from service.model_file import encode
 from service.objects import Objects
 from service.store import ModelStore
 from worker.learning.observations import NamedCloud
@@ -72,7 +71,7 @@ class JobFiles:
         """Keeps a model."""
         self._objects.put(f"{self._folder}/model.safetensors", encode(model))
 
-    def model(self, spec: JobSpec) -> ShapeModel:
+    def model(self, spec: TrainSpec) -> ShapeModel:
         """The model that was kept."""
         data = self._objects.get(f"{self._folder}/model.safetensors")
         return ShapeModel.from_tensors(safetensors.numpy.load(data), spec.params)
@@ -85,7 +84,7 @@ class JobFiles:
         return f"{self._folder}/clouds/{number:08}.npy"
 
 
-def gather(spec: JobSpec, files: JobFiles, on_cloud: Callable[[], None]) -> int:
+def gather(spec: TrainSpec, files: JobFiles, on_cloud: Callable[[], None]) -> int:
     """Simulates the training clouds, or reads them, and keeps them.
 
     Args:
@@ -111,7 +110,7 @@ def gather(spec: JobSpec, files: JobFiles, on_cloud: Callable[[], None]) -> int:
     return len(keys)
 
 
-def learn(spec: JobSpec, files: JobFiles, on_stage: OnStage) -> dict[str, str]:
+def learn(spec: TrainSpec, files: JobFiles, on_stage: OnStage) -> dict[str, str]:
     """Learns a model from the clouds and keeps it.
 
     Returns:
@@ -125,30 +124,27 @@ def learn(spec: JobSpec, files: JobFiles, on_stage: OnStage) -> dict[str, str]:
     return files.index()["refused"] | {key: str(error) for key, error in refused}
 
 
-def publish(spec: JobSpec, files: JobFiles, store: ModelStore, earlier: list[int]) -> int:
+def publish(spec: TrainSpec, files: JobFiles, store: ModelStore, job: str, once: str) -> int:
     """Publishes the model once, however often it is called.
 
     Args:
         spec: of the job.
         files: of the job.
         store: where to.
-        earlier: versions that there were before this was first called: a later one of the very same model is ours.
+        job: its id.
+        once: what no other job has, not even an earlier one of the same id.
 
     Returns:
         The version.
     """
-    model, source = files.model(spec), files.index()["source"]
-    made: dict[str, Any] = {"name": spec.name, "seed": spec.seed, "source": source}
-    digest = describe(model, encode(model), version=1, created=datetime.now(UTC), **made).digest
-    for version in store.versions(spec.name):
-        if version not in earlier and store.manifest(spec.name, version).digest == digest:
-            if spec.alias is not None and store.aliases(spec.name).get(spec.alias, 0) < version:
-                store.promote(spec.name, version, spec.alias)
-            return version
-    return store.publish(model, alias=spec.alias, **made).version
+    model = files.model(spec)
+    source = files.index()["source"]
+    parent = spec.parent and "{}:{}".format(*store.resolve(spec.parent))
+    made: dict[str, Any] = {"name": spec.name, "seed": spec.seed, "source": source, "parent": parent}
+    return store.publish(model, alias=spec.alias, job=job, once=once, **made).version
 
 
-def _source(spec: JobSpec) -> Source:
+def _source(spec: TrainSpec) -> Source:
     if spec.clouds is not None:
         return Folder(Path(spec.clouds))
     return Simulation(spec.simulate or 0, spec.seed, SimulationParams().but(**spec.simulation))

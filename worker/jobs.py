@@ -25,14 +25,13 @@ from dbos import error as dbos_error
 from joblib import parallel_config
 
 from service.engine.errors import InvalidParameter, JobNotFound, ShapeConceptsError
+from service.job_specs import TRAIN, TrainSpec
 from service.jobs import (
     APPLICATION,
     QUEUE,
     SILENCE,
     STEPS_VERSION,
-    TRAIN,
     Jobs,
-    JobSpec,
     plain,
     prepare,
     reporting,
@@ -121,7 +120,7 @@ class Worker:
             with self._reported():
                 DBOS.run_step({"name": "gather"}, self._gather, spec)
                 learnt = DBOS.run_step({"name": "learn"}, self._learn, spec)
-                version = DBOS.run_step({"name": "publish"}, self._publish, spec, learnt["earlier"])
+                version = DBOS.run_step({"name": "publish"}, self._publish, spec)
                 DBOS.run_step({"name": "tidy"}, self._files().remove)
                 return {
                     "model": spec["name"],
@@ -133,20 +132,21 @@ class Worker:
     def _gather(self, spec: dict[str, Any]) -> int:
         with self._working("gathering clouds"):
             self._sweep()
-            return gather(JobSpec.model_validate(spec), self._files(), self._look)
+            return gather(TrainSpec.model_validate(spec), self._files(), self._look)
 
     def _learn(self, spec: dict[str, Any]) -> dict[str, Any]:
         with self._working("learning"):
-            left_out = learn(JobSpec.model_validate(spec), self._files(), self._on_stage)
+            left_out = learn(TrainSpec.model_validate(spec), self._files(), self._on_stage)
             for key, why in left_out.items():
                 log.warning("job %s: left out %s: %s", DBOS.workflow_id, key, why)
             clouds = len(self._files().index()["keys"])
-            earlier = self._store.versions(spec["name"])
-            return {"clouds": clouds, "left_out": len(left_out), "earlier": earlier}
+            return {"clouds": clouds, "left_out": len(left_out)}
 
-    def _publish(self, spec: dict[str, Any], earlier: list[int]) -> int:
+    def _publish(self, spec: dict[str, Any]) -> int:
         with self._working("publishing"):
-            version = publish(JobSpec.model_validate(spec), self._files(), self._store, earlier)
+            job = self._jobs.show(str(DBOS.workflow_id))
+            once = f"{job.id}-{job.submitted.timestamp() * 1000:.0f}"
+            version = publish(TrainSpec.model_validate(spec), self._files(), self._store, job.id, once)
             log.info("job %s: published %s:%d", DBOS.workflow_id, spec["name"], version)
             return version
 

@@ -54,16 +54,18 @@ def submit(
 ) -> None:
     """Puts a training job into the queue."""
     from service.engine.params import ModelParams
-    from service.jobs import JobSpec
+    from service.job_specs import read_spec
 
-    spec = JobSpec.of(
-        name=name,
-        alias=alias,
-        simulate=simulate,
-        clouds=str(clouds.absolute()) if clouds else None,
-        seed=seed,
-        params=ModelParams.preset(preset),
-        simulation={"renderer": renderer} if renderer else {},
+    spec = read_spec(
+        {
+            "name": name,
+            "alias": alias,
+            "simulate": simulate,
+            "clouds": str(clouds.absolute()) if clouds else None,
+            "seed": seed,
+            "params": ModelParams.preset(preset),
+            "simulation": {"renderer": renderer} if renderer else {},
+        }
     )
     job = application_of(None).submit(spec, job_id)
     done(job.model_dump(mode="json"), f"Job {job.id} is {job.state}.", as_json)

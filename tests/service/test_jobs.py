@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from service.engine.errors import InvalidParameter, JobNotFound, JobsUnavailable
-from service.jobs import Jobs, JobSpec
+from service.job_specs import read_spec
+from service.jobs import Jobs
 
-SPEC = JobSpec.of(name="toys", simulate=2)
+SPEC = read_spec({"name": "toys", "simulate": 2})
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def test_submitted_twice_under_one_id_it_is_one_job(jobs: Jobs) -> None:
 def test_another_job_under_the_same_id_is_refused(jobs: Jobs) -> None:
     jobs.submit(SPEC, "nightly")
     with pytest.raises(InvalidParameter, match="nightly"):
-        jobs.submit(JobSpec.of(name="toys", simulate=3), "nightly")
+        jobs.submit(read_spec({"name": "toys", "simulate": 3}), "nightly")
     assert jobs.show("nightly").spec == SPEC
 
 
@@ -63,8 +64,13 @@ def test_looking_makes_no_database(jobs: Jobs, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"simulate": 2, "clouds": "scans"}, "one of"),
-        ({}, "one of"),
+        ({}, "at least one of"),
+        ({"datasets": ["a", "b", "a"]}, "twice"),
+        ({"datasets": ["Not A Name"]}, "datasets.0"),
+        ({"kind": "evaluate"}, "model"),
+        ({"kind": "paint"}, "kind"),
+        ({"simulate": 2, "parent": "toys:x"}, "parent"),
+        ({"simulate": 2, "timeout": 0}, "timeout"),
         ({"simulate": 1}, "simulate"),
         ({"simulate": 2, "seed": -1}, "seed"),
         ({"simulate": 2, "alias": "Not A Name"}, "alias"),
@@ -74,7 +80,7 @@ def test_looking_makes_no_database(jobs: Jobs, tmp_path: Path) -> None:
 )
 def test_a_job_that_cannot_be_is_refused(given: dict[str, object], told: str) -> None:
     with pytest.raises(InvalidParameter, match=told):
-        JobSpec.of(name="toys", **given)
+        read_spec({"name": "toys"} | given)
 
 
 @pytest.mark.parametrize("job_id", ["", "../up", "Upper", "a" * 64])
@@ -105,11 +111,11 @@ def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
 def test_the_service_starts_without_the_job_engine_and_says_what_to_install(tmp_path: Path) -> None:
     program = (
         "import sys; sys.modules['dbos'] = None\n"
-        "from service.application import Application; from service.jobs import JobSpec\n"
+        "from service.application import Application; from service.job_specs import read_spec\n"
         "from service.settings import Settings\n"
         f"application = Application(Settings(store={str(tmp_path)!r}, jobs_url='sqlite:///{tmp_path}/jobs.sqlite'))\n"
         "assert [model.name for model in application.models()] == ['default']\n"
-        "try: application.submit(JobSpec.of(name='toys', simulate=2))\n"
+        "try: application.submit(read_spec({'name': 'toys', 'simulate': 2}))\n"
         "except Exception as error: print(error)\n"
     )
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)

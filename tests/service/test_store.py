@@ -256,3 +256,29 @@ def test_only_versions_that_exist_can_be_promoted(store: ModelStore) -> None:
         store.promote("tiny", 2)
     with pytest.raises(ModelNotFound):
         store.rollback("tiny", "nobody")
+
+
+def test_what_is_published_once_by_many_at_a_time_is_one_version(url: str, model: ShapeModel) -> None:
+    """As when a worker that was taken for dead goes on beside the one that took its job over."""
+    made: dict[str, object] = {"name": "tiny", "seed": 7, "source": {}, "job": "nightly", "once": "nightly-1"}
+
+    def publish_either(turn: int) -> int:
+        if turn % 4 == 0:  # others take numbers meanwhile
+            return -publish(ModelStore(url), model, alias=None)
+        return ModelStore(url).publish(model, **made).version  # type: ignore[arg-type]
+
+    with ThreadPoolExecutor(8) as threads:
+        taken = list(threads.map(publish_either, range(16)))
+    assert len({version for version in taken if version > 0}) == 1
+    store = ModelStore(url)
+    assert store.versions("tiny") == [1, 2, 3, 4, 5]
+    assert [store.manifest("tiny", version).job for version in store.versions("tiny")].count("nightly") == 1
+
+
+def test_parent_and_metrics_are_kept_and_absent_where_they_were_not_told(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    publish(store, model)
+    told = store.publish(model, name="tiny", seed=7, source={}, parent="tiny:1", metrics={"knn": 0.75})
+    found = store.manifest("tiny", 2)
+    assert (found.parent, found.metrics) == (told.parent, told.metrics) == ("tiny:1", {"knn": 0.75})
+    assert not {"parent", "metrics", "job"} & set(store.manifest("tiny", 1).model_dump())

@@ -74,7 +74,8 @@ def test_what_was_not_asked_for_is_unset() -> None:
 
 
 def test_a_manifest_is_told_whole() -> None:
-    manifest = Manifest(**{**examples.MANIFEST, "seed": 2**63 + 1})
+    made = {"parent": "default:1", "metrics": {"knn": 0.75}, "job": "nightly"}
+    manifest = Manifest(**{**examples.MANIFEST, "seed": 2**63 + 1, **made})
     message = messages.from_manifest(manifest)
     assert message.seed == 2**63 + 1
     assert message.created.ToDatetime(manifest.created.tzinfo) == manifest.created
