@@ -22,7 +22,7 @@ from service.engine.fates import Change, changes, counterparts, share
 from service.engine.model import ShapeModel
 from service.engine.recall import NOWHERE, place, recall, sees_as
 
-MOST_ASKED = 2000  # objects of one version alone of which the other one is asked; each costs about an answer
+MOST_ASKED = 500  # objects of one version alone of which the other one is asked; each costs about an answer
 
 
 class CommonObjects(NamedTuple):
@@ -31,12 +31,14 @@ class CommonObjects(NamedTuple):
     Attributes:
         old: (U,) int64: the old version's prototype that is the object, or is nearest to it; -1 for none.
         new: (U,) int64: that of the new version.
+        weight: (U,) float64: how many objects each stands for: 1, or more where it is one of a sample.
         shared: how many of them both versions learnt from.
-        left_out: how many other clouds, which one version alone learnt from, play no part.
+        left_out: how many clouds, which one version alone learnt from, no object stands for.
     """
 
     old: NDArray[np.int64]
     new: NDArray[np.int64]
+    weight: NDArray[np.float64]
     shared: int
     left_out: int
 
@@ -82,8 +84,8 @@ def compare(old: ShapeModel, new: ShapeModel, most_asked: int = MOST_ASKED) -> C
     Args:
         old: the earlier version.
         new: the later version, of the same or of another name.
-        most_asked: of more objects that only one of them learnt from, those of the lowest hashes are compared, and as
-            large a share of the others: a sample that depends on nothing but the clouds.
+        most_asked: of more objects that only one of them learnt from, those of the lowest hashes stand for all: a
+            sample that depends on nothing but the clouds.
 
     Raises:
         InvalidParameter: they have no cloud in common, and neither can be asked about what the other one recalls.
@@ -94,8 +96,8 @@ def compare(old: ShapeModel, new: ShapeModel, most_asked: int = MOST_ASKED) -> C
     return Comparison(
         common,
         *concepts,
-        changes(share(of_old, of_new)),
-        changes(share(of_new, of_old)),
+        changes(share(of_old, of_new, common.weight)),
+        changes(share(of_new, of_old, common.weight)),
         find_counterparts(old, new, common),
     )
 
@@ -119,6 +121,7 @@ def find_counterparts(
         share(
             _stand_for(csr_array(vstack(memberships, format="csr")), common.old),
             _stand_for(csr_array(spectra[1].membership), common.new),
+            common.weight,
         )
     )
     return tuple(Counterpart(ids[a], int(spectra[1].ids[o.concept]), o.jaccard) for a, o in sorted(found.items()))
@@ -127,11 +130,12 @@ def find_counterparts(
 def common_objects(old: ShapeModel, new: ShapeModel, most_asked: int = MOST_ASKED) -> CommonObjects:
     """The objects of which both versions can tell the concepts, by ascending hash; arguments and errors: `compare`."""
     places = _places(old), _places(new)
-    alone = sorted(places[0].keys() ^ places[1].keys())
-    askable = [hash for hash in alone if (sees_as(new, old) if hash in places[0] else sees_as(old, new))]
-    end = askable[most_asked] if len(askable) > most_asked else "g"  # hashes are hexadecimal
-    both = [hash for hash in places[0].keys() & places[1].keys() if hash < end]
-    chosen = sorted([*both, *(hash for hash in askable if hash < end)])
+    weights = dict.fromkeys(places[0].keys() & places[1].keys(), 1.0)
+    shared = len(weights)
+    for asked, recalling, own, others in ((new, old, places[1], places[0]), (old, new, places[0], places[1])):
+        alone = sorted(others.keys() - own.keys()) if sees_as(asked, recalling) else []
+        weights |= dict.fromkeys(alone[:most_asked], max(1.0, len(alone) / most_asked))
+    chosen = sorted(weights)
     if not chosen:
         raise InvalidParameter(
             "The two models learnt from no cloud in common, and describe objects in different ways, so that neither "
@@ -141,8 +145,9 @@ def common_objects(old: ShapeModel, new: ShapeModel, most_asked: int = MOST_ASKE
     return CommonObjects(
         _stand(old, places[0], new, places[1], chosen),
         _stand(new, places[1], old, places[0], chosen),
-        shared=len(both),
-        left_out=len(places[0].keys() | places[1].keys()) - len(chosen),
+        np.array([weights[hash] for hash in chosen]),
+        shared=shared,
+        left_out=len(places[0].keys() | places[1].keys()) - round(sum(weights.values())),
     )
 
 

@@ -37,7 +37,7 @@ class Overlap(NamedTuple):
     """
 
     concept: int
-    objects: int
+    objects: float
     jaccard: float
 
 
@@ -52,7 +52,7 @@ class Change(NamedTuple):
     """
 
     fate: Fate
-    objects: int
+    objects: float
     overlaps: tuple[Overlap, ...]
 
 
@@ -61,17 +61,17 @@ class Shares(NamedTuple):
 
     Attributes:
         pairs: (P, 2) int64: places of the old and of the new concept, in lexicographic order.
-        shared: (P,) int64: objects in common, at least 1.
-        sizes: (P, 2) int64: objects of either.
-        old: (A,) int64: objects of each old concept.
-        new: (B,) int64: objects of each new concept.
+        shared: (P,) float64: objects in common, more than none.
+        sizes: (P, 2) float64: objects of either.
+        old: (A,) float64: objects of each old concept.
+        new: (B,) float64: objects of each new concept.
     """
 
     pairs: NDArray[np.int64]
-    shared: NDArray[np.int64]
-    sizes: NDArray[np.int64]
-    old: NDArray[np.int64]
-    new: NDArray[np.int64]
+    shared: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    old: NDArray[np.float64]
+    new: NDArray[np.float64]
 
     @property
     def jaccard(self) -> NDArray[np.float64]:
@@ -79,15 +79,22 @@ class Shares(NamedTuple):
         return np.asarray(self.shared / (self.sizes.sum(axis=1) - self.shared))
 
 
-def share(old: csr_array, new: csr_array) -> Shares:
-    """What concepts (A, U) and (B, U) have in common."""
-    of_old, of_new = (np.asarray(members.sum(axis=1), np.int64) for members in (old, new))
-    common = csr_array(old @ new.T).tocoo()
+def share(old: csr_array, new: csr_array, weight: NDArray[np.float64]) -> Shares:
+    """What concepts have in common.
+
+    Args:
+        old: (A, U) sparse: 1 where an object belongs to a concept.
+        new: (B, U) sparse, of the same objects.
+        weight: (U,) how many objects each counts as.
+    """
+    counted = csr_array(old.multiply(weight[None])).astype(np.float64)
+    common = csr_array(counted @ new.T).tocoo()
     row, column = (axis.astype(np.int64) for axis in common.coords)
     order = np.lexsort((column, row))
     pairs = np.stack([row[order], column[order]], axis=1)
+    of_old, of_new = np.asarray(old @ weight), np.asarray(new @ weight)
     sizes = np.stack([of_old[pairs[:, 0]], of_new[pairs[:, 1]]], axis=1)
-    return Shares(pairs, common.data[order].astype(np.int64), sizes, of_old, of_new)
+    return Shares(pairs, common.data[order], sizes, of_old, of_new)
 
 
 def changes(shares: Shares) -> tuple[Change, ...]:
@@ -96,7 +103,7 @@ def changes(shares: Shares) -> tuple[Change, ...]:
     mostly_in, mostly_of = (2 * shares.shared[:, None] > shares.sizes).T
     start = np.searchsorted(shares.pairs[:, 0], np.arange(len(shares.old) + 1))
     return tuple(
-        _change(shares, jaccard, mostly_in, mostly_of, range(start[a], start[a + 1]), int(size))
+        _change(shares, jaccard, mostly_in, mostly_of, range(start[a], start[a + 1]), float(size))
         for a, size in enumerate(shares.old)
     )
 
@@ -112,7 +119,7 @@ def counterparts(shares: Shares) -> dict[int, Overlap]:
     jaccard = shares.jaccard
     best_of_old, best_of_new = (_best(shares.pairs[:, side], jaccard) for side in (0, 1))
     return {
-        a: Overlap(int(shares.pairs[row, 1]), int(shares.shared[row]), float(jaccard[row]))
+        a: Overlap(int(shares.pairs[row, 1]), float(shares.shared[row]), float(jaccard[row]))
         for a, row in best_of_old.items()
         if best_of_new[int(shares.pairs[row, 1])] == row and jaccard[row] > PERSISTS
     }
@@ -124,13 +131,13 @@ def _change(
     mostly_in: NDArray[np.bool_],
     mostly_of: NDArray[np.bool_],
     rows: range,
-    size: int,
+    size: float,
 ) -> Change:
     """What becomes of the concept whose pairs stand in some rows."""
     own = np.arange(rows.start, rows.stop)
     linked = own[mostly_in[own] | mostly_of[own]]
     overlaps = sorted(
-        (Overlap(int(shares.pairs[row, 1]), int(shares.shared[row]), float(jaccard[row])) for row in linked),
+        (Overlap(int(shares.pairs[row, 1]), float(shares.shared[row]), float(jaccard[row])) for row in linked),
         key=lambda overlap: (-overlap.objects, overlap.concept),
     )
     fate: Fate = "disappears"

@@ -68,11 +68,13 @@ def test_versions_without_a_cloud_in_common_are_asked_about_each_others() -> Non
     assert sum(change.objects for change in compared.old) > 0
 
 
-def test_a_sample_of_what_must_be_asked_depends_on_the_clouds_alone() -> None:
-    old, new = version(0, 12), version(12, 24)
-    some, exchanged = common_objects(old, new, most_asked=6), common_objects(new, old, most_asked=6)
-    assert len(some.old) == 6
-    assert some.left_out == 18
+def test_a_sample_of_what_must_be_asked_depends_on_the_clouds_alone_and_stands_for_all() -> None:
+    old, new = version(0, 18), version(6, 24)
+    some, exchanged = common_objects(old, new, most_asked=4), common_objects(new, old, most_asked=4)
+    assert some.shared == 12
+    assert some.weight.tolist() == exchanged.weight.tolist()
+    assert sorted(some.weight.tolist()) == [1.0] * 12 + [1.5] * 8
+    assert some.left_out == 0
     assert some.old.tolist() == exchanged.new.tolist()
     assert some.new.tolist() == exchanged.old.tolist()
 

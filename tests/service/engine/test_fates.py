@@ -16,7 +16,7 @@ from service.engine.fates import Change, changes, counterparts, share
 
 def fates(old: list[int], new: list[int]) -> tuple[Change, ...]:
     """What becomes of the concepts of objects' old assignment when they get the new one."""
-    return changes(share(sets(old), sets(new)))
+    return changes(share(sets(old), sets(new), np.ones(len(old))))
 
 
 def sets(assignment: list[int]) -> csr_array:
@@ -68,6 +68,11 @@ def test_a_concept_without_a_common_object_is_untold() -> None:
     assert told([0, 0, 2], [0, 0, 1]) == ["persists", "untold", "persists"]
 
 
+def test_an_object_may_stand_for_several() -> None:
+    halves = share(sets([0, 0, 0]), sets([0, 0, 1]), np.array([1.0, 1.0, 4.0]))
+    assert changes(halves) == changes(share(sets([0] * 6), sets([0, 0, 1, 1, 1, 1]), np.ones(6)))
+
+
 assignments = st.integers(1, 40).flatmap(
     lambda size: st.tuples(*(arrays(np.int64, size, elements=st.integers(-1, 5)) for _ in range(2)))
 )
@@ -110,5 +115,5 @@ def test_a_partition_against_itself_only_persists(pair: tuple[np.ndarray, np.nda
 def test_of_concepts_within_each_other_the_most_alike_are_counterparts_and_each_once() -> None:
     nested = np.array([[1, 1, 1, 1, 1, 1, 0, 0], [1, 1, 1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 0, 0]])
     other = np.array([[1, 1, 1, 1, 1, 1, 1, 0], [1, 1, 1, 0, 0, 0, 0, 0]])
-    found = counterparts(share(csr_array(nested), csr_array(other)))
+    found = counterparts(share(csr_array(nested), csr_array(other), np.ones(8)))
     assert {a: overlap.concept for a, overlap in found.items()} == {0: 0, 1: 1}  # 2 is like 1, but 1 is liker
