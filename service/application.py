@@ -24,6 +24,7 @@ from service.catalogue import (
     tell_tree,
 )
 from service.choosing import Choosing, Meant
+from service.comparing import Version, VersionComparison, compare_versions
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
@@ -314,6 +315,20 @@ class Application:
     def tree(self, name: str, version: int) -> Tree:
         """The spanning tree of a version's topological space."""
         return tell_tree(Meant(self._choosing.source(), name, version).model(), (name, version))
+
+    def compare(self, old: tuple[str, int], new: tuple[str, int]) -> VersionComparison:
+        """Which concepts of one version persist, merge, split or disappear in another one. Runs on the caller's thread.
+
+        Args:
+            old: name and version of the model that concepts come from.
+            new: name and version of the one that they go to.
+
+        Raises:
+            InvalidParameter: there is nothing to compare them by.
+        """
+        source = self._choosing.source()
+        meant = (Meant(source, *which) for which in (old, new))
+        return compare_versions(*(Version(m.name, m.version, m.model(), m.names()) for m in meant))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""

@@ -238,13 +238,14 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     Console().print(table)
 
 
-def show_names(names: Mapping[int, str]) -> None:
-    """Prints the names of concepts."""
+def show_names(names: Mapping[int, str], carried: Mapping[int, str]) -> None:
+    """Prints the names of concepts, and of which version they were carried over."""
     table = Table()
     table.add_column("concept", justify="right")
     table.add_column("name")
+    table.add_column("carried over from")
     for concept, name in names.items():
-        table.add_row(str(concept), escape(name))
+        table.add_row(str(concept), escape(name), carried.get(concept, "-"))
     Console().print(table)
 
 

@@ -119,10 +119,12 @@ def train(
     """Learns shape concepts and publishes them as the next version of a model.
 
     The clouds are those of a folder, one object each as a depth camera saw it, or simulated ones. Clouds that cannot
-    be learnt from are named and left out.
+    be learnt from are named and left out. Concepts that are still the same as in the version that the alias meant
+    before keep the names that people gave them.
     """
     from joblib import parallel_config
 
+    from service.carrying import carry_from_earlier
     from service.store import ModelStore, check_name
     from worker.learning.train import train as learn
     from worker.progress import watching
@@ -135,18 +137,24 @@ def train(
     with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
         model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
-        manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=alias)
+        before = models.aliases(name).get(alias)
+        manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=None)
+        carried = carry_from_earlier(models, f"{name}:{before}" if before else None, (name, manifest.version))
+        models.promote(name, manifest.version, alias, only_forward=True)
     left_out = [(key, str(error)) for key, error in (*source.refused, *refused)]
     for key, why in left_out:
         click.echo(f"Left out: {key}: {why}", err=True)
     if as_json:
-        click.echo(json.dumps(manifest.model_dump(mode="json") | {"left_out": dict(left_out)}))
+        told = {"left_out": dict(left_out), "names_carried": [each.model_dump() for each in carried]}
+        click.echo(json.dumps(manifest.model_dump(mode="json") | told))
     else:
         counts = manifest.counts
         click.echo(
             f"Published {name}:{manifest.version} ({name}@{alias}): {counts['concepts']} concepts "
             f"from {counts['objects']} objects, at filtration time {manifest.epsilon_max:.2f}."
         )
+        if carried:
+            click.echo(f"{len(carried)} names were carried over from {name}:{before}.")
 
 
 @main.command(

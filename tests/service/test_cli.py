@@ -49,6 +49,17 @@ def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
+def test_versions_are_compared(folder: Path, store: ModelStore, model: ShapeModel) -> None:
+    store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+    (told,) = lines(run("models", "compare", "tiny", "tiny@staging", "--json"))
+    assert [(told[which]["model"], told[which]["version"]) for which in ("old", "new")] == [("tiny", 1), ("tiny", 2)]
+    assert told["fates"] == {"persists": len(model.concepts().ids)}
+    shown = run("models", "compare", "tiny:1", "tiny:2")
+    assert shown.exit_code == 0
+    assert "persists" in shown.stdout
+    assert run("models", "compare", "tiny:1", "tiny:3").exit_code == 1
+
+
 def test_respond_prints_one_json_line_a_cloud(folder: Path, model: ShapeModel, clouds: list[PointCloud]) -> None:
     result = run("respond", "--model", "tiny", "--json", "good.ply", "good.ply")
     assert result.exit_code == 0
@@ -345,11 +356,23 @@ class TestNames:
         assert given == {"model": "tiny", "version": 1, "concept": concept, "name": "tea mug"}
         assert "tea mug" in run("names", "list", "tiny").stdout
         (listed,) = lines(run("names", "list", "tiny:1", "--json"))
-        assert listed["names"] == [{"concept": concept, "name": "tea mug"}]
+        assert listed["names"] == [{"concept": concept, "name": "tea mug", "carried_from": None}]
         (answer,) = lines(run("respond", "--json", "good.ply"))
         assert {c["id"]: c["name"] for c in answer["concepts"]}[concept] == "tea mug"
         assert f"Concept {concept} of tiny:1 has no name now" in run("names", "remove", "tiny", str(concept)).stdout
         assert lines(run("names", "list", "tiny", "--json"))[0]["names"] == []
+
+    def test_names_are_carried_over_once_and_say_so(self, folder: Path, store: ModelStore, model: ShapeModel) -> None:
+        store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+        concept = int(model.concepts().ids[0])
+        run("names", "set", "tiny:1", str(concept), "mug")
+        for _ in range(2):
+            (carried,) = lines(run("names", "carry", "tiny:2", "--from", "tiny:1", "--json"))
+            assert (carried["version"], carried["carried_from"]) == (2, "tiny:1")
+            assert carried["names"] == [{"concept": concept, "name": "mug", "before": concept, "jaccard": 1}]
+        assert "mug" in run("names", "carry", "tiny@staging", "--from", "tiny").stdout
+        assert "tiny:1" in run("names", "list", "tiny:2").stdout
+        assert "say another version" in run("names", "carry", "tiny:1", "--from", "tiny").stderr
 
     def test_names_are_proposed_from_labels_and_given_when_asked(self, folder: Path) -> None:
         (folder / "labels.csv").write_text("file,category\ngood.ply,mug\nbad.ply,bowl\nnowhere.ply,bowl\n")

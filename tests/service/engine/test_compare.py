@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import cache
 
 import pytest
 
 from service.engine.compare import common_objects, compare, find_counterparts
 from service.engine.concepts import concepts_at
 from service.engine.errors import InvalidParameter
-from service.engine.model import ShapeModel
 from service.engine.params import DescriptorParams, ModelParams
-from tests.learnt import learnt, objects
-from worker.learning.train import NamedCloud, train
-
-
-@cache
-def version(first: int, end: int, seed: int = 0, step: int = 1) -> ShapeModel:
-    """A model of some of 24 objects; with step -1 in reverse order."""
-    clouds = [NamedCloud(f"{simulated.index}.ply", simulated.cloud) for simulated in objects(24)[first:end]]
-    return train(clouds[::step], ModelParams(), seed).model
+from tests.learnt import learnt
+from tests.service.versions import learnt_from
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
@@ -36,7 +27,7 @@ def test_every_concept_of_a_model_persists_against_itself(preset: str) -> None:
 
 
 def test_a_concept_of_a_time_that_no_cloud_is_answered_at_has_its_counterpart_where_it_is_asked_for() -> None:
-    model = version(0, 18)
+    model = learnt_from(0, 18)
     common, own = common_objects(model, model), set(model.spectrum().ids.tolist())
     rare = {int(node) for time in model.filtration.time for node in concepts_at(model.filtration, time).ids} - own
     node = min(rare)
@@ -46,13 +37,13 @@ def test_a_concept_of_a_time_that_no_cloud_is_answered_at_has_its_counterpart_wh
 
 
 def test_the_same_clouds_in_another_order_and_with_another_seed_give_the_same_concepts() -> None:
-    compared = compare(version(0, 18), version(0, 18, seed=3, step=-1))
+    compared = compare(learnt_from(0, 18), learnt_from(0, 18, seed=3, step=-1))
     assert compared.common.shared == 18
     assert {change.fate for change in (*compared.old, *compared.new)} == {"persists"}
 
 
 def test_with_clouds_added_every_object_is_told_of_by_both() -> None:
-    old, new = version(0, 18), version(0, 24)
+    old, new = learnt_from(0, 18), learnt_from(0, 24)
     compared = compare(old, new)
     assert (compared.common.shared, compared.common.left_out) == (18, 0)
     assert len(compared.common.old) == 24
@@ -62,14 +53,14 @@ def test_with_clouds_added_every_object_is_told_of_by_both() -> None:
 
 
 def test_versions_without_a_cloud_in_common_are_asked_about_each_others() -> None:
-    compared = compare(version(0, 12), version(12, 24))
+    compared = compare(learnt_from(0, 12), learnt_from(12, 24))
     assert compared.common.shared == 0
     assert len(compared.common.old) == 24
     assert sum(change.objects for change in compared.old) > 0
 
 
 def test_a_sample_of_what_must_be_asked_depends_on_the_clouds_alone_and_stands_for_all() -> None:
-    old, new = version(0, 18), version(6, 24)
+    old, new = learnt_from(0, 18), learnt_from(6, 24)
     some, exchanged = common_objects(old, new, most_asked=4), common_objects(new, old, most_asked=4)
     assert some.shared == 12
     assert some.weight.tolist() == exchanged.weight.tolist()
@@ -80,9 +71,9 @@ def test_a_sample_of_what_must_be_asked_depends_on_the_clouds_alone_and_stands_f
 
 
 def test_models_that_describe_in_different_ways_are_compared_by_common_clouds_alone() -> None:
-    model = version(0, 18)
+    model = learnt_from(0, 18)
     finer = dataclasses.replace(model, params=ModelParams(descriptor=DescriptorParams(shape_weight=0.5)))
     assert {change.fate for change in compare(model, finer).old} == {"persists"}
-    assert compare(finer, version(0, 24)).common.left_out == 6
+    assert compare(finer, learnt_from(0, 24)).common.left_out == 6
     with pytest.raises(InvalidParameter, match="no cloud in common"):
-        compare(finer, version(18, 24))
+        compare(finer, learnt_from(18, 24))
