@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -249,6 +250,63 @@ def evaluate(
     else:
         tables.show_report(judged)
         click.echo(f"Wrote {file} and {page}.")
+
+
+@main.command(
+    epilog=examples(
+        "shape-concepts-worker promote default:2 --labels scans/labels.csv",
+        "shape-concepts-worker promote default@staging --labels scans/labels.csv --tolerance 0.01 --json",
+    )
+)
+@click.argument("model", metavar="NAME:VERSION")
+@click.option(
+    "--labels",
+    required=True,
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="CSV with the columns file (relative to it) and category, and optionally group and source.",
+)
+@click.option("--alias", default="production", show_default=True, help="Alias to move.")
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0, 1),
+    metavar="SHARE",
+    help="By how much each figure may be lower than before.  [default: 0.02]",
+)
+@workers_option
+@json_option
+@store_option
+def promote(
+    model: str, labels: Path, alias: str, tolerance: float | None, workers: int, as_json: bool, store: str | None
+) -> None:
+    """Lets an alias mean a version if that is not worse than the one which it means.
+
+    Both are judged by the labelled clouds that both answer: nearest neighbour, support vector machine, and the two
+    figures of regions, all balanced over labels; and the share of the clouds that they answer. If one of these is
+    lower by more than is tolerated, the alias stays, and the exit code is 1.
+    """
+    from joblib import parallel_config
+
+    from service.store import ModelStore, check_name
+    from worker.evaluation.promotion import TOLERANCE, Rule
+    from worker.progress import watching
+    from worker.promoting import promote_by_rule
+
+    check_name(alias, "n alias")
+    if not {":", "@"} & set(model):
+        raise click.BadParameter(f"say which version shall be meant, as {model}:2.", param_hint="NAME:VERSION")
+    models = ModelStore(settings_of(store=store).store)
+    rule = Rule(tolerance=TOLERANCE if tolerance is None else tolerance)
+    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+        outcome = promote_by_rule(models, model, alias, labels, rule, watch.stage, watch.count)
+    if as_json:
+        click.echo(outcome.model_dump_json())
+    else:
+        for reason in outcome.reasons:
+            click.echo(reason)
+        click.echo(outcome.sentence())
+    if not outcome.promoted:
+        sys.exit(1)
 
 
 @main.command(epilog=examples("shape-concepts-worker run", "shape-concepts-worker run --worker gpu-box-2 --workers 8"))
