@@ -28,8 +28,7 @@ from service.comparing import Version, VersionComparison, compare_versions
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
-from service.job_specs import JobSpec
-from service.jobs import Job, Jobs
+from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.metrics import State
@@ -41,6 +40,7 @@ from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
+from service.training import Training
 
 
 class CloudFile(NamedTuple):
@@ -109,7 +109,7 @@ class Application:
         self.store = ModelStore(settings.store)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
-        self._jobs = Jobs(settings.jobs_url)
+        self.training = Training(Jobs(settings.jobs_url), self.store)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
@@ -125,7 +125,7 @@ class Application:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
-        self._jobs.close()
+        self.training.close()
         self.telemetry.close()
 
     def respond(
@@ -373,22 +373,6 @@ class Application:
         version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
-
-    def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
-        """Puts a job into the queue; submitted again under the same id, it is the same job."""
-        return self._jobs.submit(spec, job_id)
-
-    def job(self, job_id: str) -> Job:
-        """A job as it stands."""
-        return self._jobs.show(job_id)
-
-    def jobs(self, limit: int | None = None) -> list[Job]:
-        """Jobs, the one submitted last first."""
-        return self._jobs.recent(limit)
-
-    def cancel(self, job_id: str) -> Job:
-        """Takes a job from the queue, or stops it."""
-        return self._jobs.cancel(job_id)
 
     def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
         return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+import re
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, Literal
@@ -19,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from safetensors import SafetensorError
 
 from service import __version__
-from service.engine.errors import ModelDamaged, ModelIncompatible
+from service.engine.errors import InvalidParameter, ModelDamaged, ModelIncompatible
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 
@@ -275,3 +276,20 @@ def _libraries() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return versions
+
+
+def check_name(name: str, what: str) -> None:
+    """Refuses a name that no model, alias or dataset can have.
+
+    Args:
+        name: the name.
+        what: how the message goes on after "the name of a": " model", "n alias".
+
+    Raises:
+        InvalidParameter: it is not of the form of `NAME`.
+    """
+    if not re.fullmatch(NAME, name) or len(name) > 63:
+        raise InvalidParameter(
+            f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "
+            "start with a letter or digit, and have at most 63 characters."
+        )

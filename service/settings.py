@@ -52,6 +52,12 @@ class Settings(BaseSettings):
         default_factory=default_jobs_url,
         description="database of the jobs: sqlite:///FILE or postgresql://USER:PASSWORD@HOST/DATABASE",
     )
+    worker_lease: float = Field(
+        30.0,
+        ge=3,
+        description="after this time without a sign of life a worker is taken for dead, and others take its job over, "
+        "seconds",
+    )
     built_in: bool = Field(
         True, description="whether the model that comes with the service answers as long as the store holds none"
     )

@@ -23,7 +23,18 @@ from typing import Any, NamedTuple
 from service.aliases import AliasEntry, AliasLog
 from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
 from service.engine.model import ShapeModel
-from service.model_file import NAME, TENSORS, Manifest, decode, describe, encode, read_manifest, sha256, write_manifest
+from service.model_file import (
+    NAME,
+    TENSORS,
+    Manifest,
+    check_name,
+    decode,
+    describe,
+    encode,
+    read_manifest,
+    sha256,
+    write_manifest,
+)
 from service.names import NameLog
 from service.objects import Objects
 
@@ -322,23 +333,6 @@ class ModelStore:
             )
         names = self.names()
         return f"The store holds: {', '.join(names)}." if names else NO_MODEL
-
-
-def check_name(name: str, what: str) -> None:
-    """Refuses a name that no model or alias can have.
-
-    Args:
-        name: the name.
-        what: how the message goes on after "the name of a": " model", "n alias".
-
-    Raises:
-        InvalidParameter: it is not of the form of `NAME`.
-    """
-    if not re.fullmatch(NAME, name) or len(name) > 63:
-        raise InvalidParameter(
-            f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "
-            "start with a letter or digit, and have at most 63 characters."
-        )
 
 
 def _blob_key(digest: str) -> str:

@@ -16,7 +16,8 @@ from service.aliases import AliasEntry
 from service.answer import Answer
 from service.application import ModelSummary
 from service.explanation import Explanation, Likeness
-from service.jobs import Job
+from service.job import Job
+from service.job_records import Progress
 from service.keys import AccessKey
 from service.model_file import Manifest
 from service.proposals import Proposal
@@ -314,10 +315,25 @@ def _params_of(job: Job) -> dict[str, dict[str, object]]:
 
 
 def _outcome(job: Job) -> str:
-    if job.result:
-        left_out = f", {job.result.left_out} left out" if job.result.left_out else ""
-        return f"{job.result.model}:{job.result.version} from {job.result.clouds} clouds{left_out}"
-    return f"{job.error.type}: {job.error.detail}" if job.error else "-"
+    if job.error:
+        return f"{job.error.type}: {job.error.detail}"
+    result = job.result
+    if result is None:
+        return _underway(job.progress) if job.progress and job.state == "running" else "-"
+    if result.kind == "simulate":
+        return f"{result.clouds} clouds in dataset {result.dataset}"
+    figures = ", ".join(f"{name} {value:.3f}" for name, value in (result.metrics or {}).items())
+    judged = f" ({figures})" if figures else ""
+    if result.kind == "evaluate":
+        return f"{result.model}:{result.version} judged by {result.clouds} clouds{judged}"
+    left_out = f", {result.left_out} left out" if result.left_out else ""
+    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}"
+
+
+def _underway(progress: Progress) -> str:
+    done = f" {progress.done} of {progress.total}" if progress.total else ""
+    left = f", about {progress.left_s:.0f} s left" if progress.left_s is not None else ""
+    return f"{progress.stage}{done} (stage {progress.stages_done + 1} of {progress.stages}{left})"
 
 
 def _pairs(record: object) -> str:

@@ -126,7 +126,8 @@ def train(
     from joblib import parallel_config
 
     from service.carrying import carry_from_earlier
-    from service.store import ModelStore, check_name
+    from service.model_file import check_name
+    from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
 
@@ -287,7 +288,8 @@ def promote(
     """
     from joblib import parallel_config
 
-    from service.store import ModelStore, check_name
+    from service.model_file import check_name
+    from service.store import ModelStore
     from worker.evaluation.promotion import TOLERANCE, Rule
     from worker.progress import watching
     from worker.promoting import promote_by_rule

@@ -67,7 +67,7 @@ def submit(
             "simulation": {"renderer": renderer} if renderer else {},
         }
     )
-    job = application_of(None).submit(spec, job_id)
+    job = application_of(None).training.submit(spec, job_id, local=True)
     done(job.model_dump(mode="json"), f"Job {job.id} is {job.state}.", as_json)
 
 
@@ -76,7 +76,7 @@ def submit(
 @json_option
 def list_jobs(limit: int, as_json: bool) -> None:
     """Lists jobs, the one submitted last first."""
-    found = application_of(None).jobs(limit)
+    found = application_of(None).training.jobs(limit).jobs
     if as_json:
         click.echo(json.dumps({"jobs": [job.model_dump(mode="json") for job in found]}))
     else:
@@ -95,7 +95,7 @@ def list_jobs(limit: int, as_json: bool) -> None:
 @json_option
 def show_job(job: str, as_json: bool) -> None:
     """Shows a job: its state, what it is to do, and what came of it."""
-    found = application_of(None).job(job)
+    found = application_of(None).training.job(job)
     if as_json:
         click.echo(found.model_dump_json())
     else:
@@ -109,5 +109,5 @@ def show_job(job: str, as_json: bool) -> None:
 @json_option
 def cancel(job: str, as_json: bool) -> None:
     """Takes a job from the queue, or stops it; one that is over stays as it is."""
-    found = application_of(None).cancel(job)
+    found = application_of(None).training.cancel(job)
     done(found.model_dump(mode="json"), f"Job {found.id} is {found.state}.", as_json)

@@ -91,12 +91,64 @@ class StoreUnavailable(ShapeConceptsError):
     """The model store cannot be read or written."""
 
 
+class DatasetNotFound(ShapeConceptsError):
+    """There is no dataset of that name."""
+
+
+class DatasetExists(ShapeConceptsError):
+    """There is a dataset of that name, and it is another one."""
+
+
+class DatasetInUse(ShapeConceptsError):
+    """A model learnt from the dataset, and could not be made again without it."""
+
+
+class DatasetDamaged(ShapeConceptsError):
+    """What the store holds of a dataset is incomplete or altered."""
+
+
+class CloudNotFound(ShapeConceptsError):
+    """The dataset has no cloud of that key."""
+
+
+class CloudExists(ShapeConceptsError):
+    """The dataset has another cloud of that key."""
+
+
+class UnreadableArchive(ShapeConceptsError):
+    """The bytes are no zip or tar archive, or it is truncated, damaged, or reaches out of itself."""
+
+
+class ArchiveTooLarge(ShapeConceptsError):
+    """The archive holds, or unfolds to, more than is taken."""
+
+
+class UploadNotFound(ShapeConceptsError):
+    """There is no upload of that id, or it was finished or given up."""
+
+
+class UploadConflict(ShapeConceptsError):
+    """The piece does not follow what the upload has so far."""
+
+
 class JobNotFound(ShapeConceptsError):
     """There is no job of that id."""
 
 
 class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
+
+
+class JobConflict(ShapeConceptsError):
+    """The job is in a state in which this cannot be done."""
+
+
+class JobTimedOut(ShapeConceptsError):
+    """The job was at work for longer than it was allowed to."""
+
+
+class StageDied(ShapeConceptsError):
+    """The process that was at work on a stage of the job was killed, most likely for want of memory."""
 
 
 class NotAuthenticated(ShapeConceptsError):

@@ -7,7 +7,6 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,36 +16,6 @@ from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
 from service.engine.model import ShapeModel
 from service.model_file import encode, read_manifest, sha256
 from service.store import ModelStore
-
-ENVIRONMENT = {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_REGION": "us-east-1"}
-
-
-@pytest.fixture(scope="module")
-def bucket() -> Iterator[str]:
-    """The endpoint of an S3 server with a bucket `models`."""
-    server = pytest.importorskip("moto.server", reason="moto is not installed").ThreadedMotoServer("127.0.0.1", 0)
-    server.start()
-    endpoint = "http://{}:{}".format(*server.get_host_and_port())
-    import boto3
-
-    boto3.client(
-        "s3",
-        endpoint_url=endpoint,
-        region_name="us-east-1",
-        aws_access_key_id="tests",
-        aws_secret_access_key="tests",
-    ).create_bucket(Bucket="models")
-    yield endpoint
-    server.stop()
-
-
-@pytest.fixture(params=["folder", "bucket"])
-def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    if request.param == "folder":
-        return str(tmp_path / "store")
-    for name, value in (ENVIRONMENT | {"AWS_ENDPOINT_URL": request.getfixturevalue("bucket")}).items():
-        monkeypatch.setenv(name, value)
-    return f"s3://models/{tmp_path.name}"
 
 
 def publish(store: ModelStore, model: ShapeModel, name: str = "tiny", alias: str | None = "production") -> int:

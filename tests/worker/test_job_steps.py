@@ -1,20 +1,34 @@
-"""The steps of a training job: each may be done twice, and together they are what `train` does."""
+"""The steps of jobs: each may be done twice, and together those of training are what `train` does."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from service.clouds import write_ply
-from service.engine.errors import InvalidParameter, NotEnoughSamples
+from service.datasets import Datasets
+from service.engine.errors import CloudExists, DatasetNotFound, InvalidParameter, NotEnoughSamples
 from service.engine.model import ShapeModel
-from service.job_specs import TrainSpec
+from service.job_specs import EvaluateSpec, SimulateSpec, TrainSpec
+from service.labels import Label
 from service.model_file import encode
 from service.objects import Objects
 from service.store import ModelStore
-from worker.job_steps import JobFiles, gather, learn, publish
+from worker.job_steps import (
+    STAGES,
+    Place,
+    evaluate_model,
+    gather,
+    judge,
+    learn,
+    publish,
+    simulate_into,
+    stages_of,
+)
 from worker.learning.train import train
 from worker.simulation import simulate
 from worker.sources import Folder
@@ -41,86 +55,199 @@ def model(scans: Path, spec: TrainSpec) -> ShapeModel:
     return train(Folder(scans), spec.params, spec.seed).model
 
 
+class Told:
+    """What a step has told of itself."""
+
+    def __init__(self) -> None:
+        self.stages: list[str] = []
+        self.lines: list[str] = []
+        self.counted = 0
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        self.stages.append(name)
+
+    def count(self, items: Iterable[Any], total: int) -> Iterator[Any]:
+        for item in items:
+            self.counted += 1
+            yield item
+
+    def log(self, line: str) -> None:
+        self.lines.append(line)
+
+
+@pytest.fixture
+def tell() -> Told:
+    return Told()
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> ModelStore:
     return ModelStore(tmp_path)
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> JobFiles:
-    return JobFiles(Objects(tmp_path), "one")
+def place(tmp_path: Path) -> Place:
+    return Place(str(tmp_path), "one", 1)
 
 
-def test_a_job_learns_bit_for_bit_what_training_learns(spec: TrainSpec, files: JobFiles, model: ShapeModel) -> None:
-    assert gather(spec, files, lambda: None) == 6
-    assert set(learn(spec, files, lambda stage: None)) == {"broken.ply"}
-    assert encode(files.model(spec)) == encode(model)
+def kept(spec: TrainSpec, place: Place, model: ShapeModel) -> None:
+    """What the steps before publishing leave behind."""
+    gather(Told(), spec, place)
+    place.files.write_model(model)
 
 
-def test_gathering_again_gives_the_same_clouds(spec: TrainSpec, files: JobFiles) -> None:
-    gather(spec, files, lambda: None)
-    first = list(files.clouds())
-    gather(spec, files, lambda: None)
-    again = list(files.clouds())
+def labelled(place: Place, name: str = "table") -> None:
+    """A dataset of eight objects of two kinds, twice each, and one cloud without a label."""
+    datasets = Datasets(place.store)
+    datasets.create(name)
+    for simulated in simulate(13, 4, renderer="raycast", orders=(1, 3)):
+        label = Label(category=f"order {simulated.order}") if simulated.index < 12 else None
+        datasets.put(name, f"{simulated.index}.ply", write_ply(simulated.cloud), label=label)
+
+
+def test_a_job_learns_bit_for_bit_what_training_learns(
+    spec: TrainSpec, tell: Told, place: Place, model: ShapeModel
+) -> None:
+    assert gather(tell, spec, place) == 6
+    assert learn(tell, spec, place) == {"clouds": 6, "left_out": 1}
+    assert "broken.ply" in tell.lines[0]
+    assert encode(place.files.model(spec.params)) == encode(model)
+
+
+def test_the_stages_told_are_those_announced_in_their_order(spec: TrainSpec, tell: Told, place: Place) -> None:
+    labelled(place)
+    asked = spec.model_copy(update={"labelled": "table"})
+    gather(tell, asked, place)
+    learn(tell, asked, place)
+    publish(tell, asked, place, judge(tell, asked, place), "one-1")
+    assert tell.stages == list(stages_of(asked))
+    assert sum(stages_of(asked).values()) == pytest.approx(1)
+
+
+def test_what_is_learnt_from_a_dataset_and_from_simulation_says_so(tell: Told, place: Place, store: ModelStore) -> None:
+    labelled(place)
+    spec = TrainSpec(name="both", datasets=("table",), simulate=3, simulation={"renderer": "raycast"})
+    assert gather(tell, spec, place) == 16
+    learn(tell, spec, place)
+    publish(tell, spec, place, {"knn": 0.5}, "one-1")
+    manifest = store.manifest("both", 1)
+    dataset, simulated = manifest.source["parts"]
+    assert dataset == {
+        "kind": "dataset",
+        "name": "table",
+        "digest": Datasets(place.store).digest("table"),
+        "clouds": 13,
+    }
+    assert (simulated["kind"], simulated["clouds"], manifest.source["clouds"]) == ("simulation", 3, 16)
+    assert (manifest.metrics, manifest.job, manifest.parent) == ({"knn": 0.5}, "one", None)
+
+
+def test_the_parent_is_the_version_that_was_meant_when_the_job_began(
+    spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
+) -> None:
+    store.publish(model, name="toys", seed=5, source={})
+    child = spec.model_copy(update={"parent": "toys"})
+    kept(child, place, model)
+    store.publish(model, name="toys", seed=5, source={})
+    publish(tell, child, place, None, "one-1")
+    assert store.manifest("toys", 3).parent == "toys:1"
+
+
+def test_gathering_again_gives_the_same_clouds(spec: TrainSpec, tell: Told, place: Place) -> None:
+    gather(tell, spec, place)
+    first = list(place.files.clouds())
+    gather(tell, spec, place)
+    again = list(place.files.clouds())
     assert [named.key for named in first] == [named.key for named in again]
     assert all(np.array_equal(a.cloud.points, b.cloud.points) for a, b in zip(first, again, strict=True))
 
 
-def gathered(spec: TrainSpec, files: JobFiles, model: ShapeModel) -> None:
-    gather(spec, files, lambda: None)
-    files.write_model(model)
-
-
 def test_publishing_again_makes_no_second_version(
-    spec: TrainSpec, files: JobFiles, store: ModelStore, model: ShapeModel
+    spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
 ) -> None:
-    gathered(spec, files, model)
-    assert publish(spec, files, store, "one", "one-1") == publish(spec, files, store, "one", "one-1") == 1
+    kept(spec, place, model)
+    first = publish(tell, spec, place, None, "one-1")
+    assert first == publish(tell, spec, place, None, "one-1") == {"version": 1, "parent": None}
     assert store.versions("toys") == [1]
 
 
 def test_the_same_job_later_makes_a_version_of_its_own(
-    spec: TrainSpec, files: JobFiles, store: ModelStore, model: ShapeModel
+    spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
 ) -> None:
-    gathered(spec, files, model)
-    publish(spec, files, store, "one", "one-1")
-    assert publish(spec, files, store, "one", "one-2") == 2
+    kept(spec, place, model)
+    publish(tell, spec, place, None, "one-1")
+    assert publish(tell, spec, place, None, "one-2")["version"] == 2
     assert store.manifest("toys", 2).job == "one"
 
 
 def test_a_kill_between_version_and_alias_is_made_good(
-    spec: TrainSpec, files: JobFiles, store: ModelStore, model: ShapeModel
+    spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
 ) -> None:
-    gathered(spec, files, model)
+    kept(spec, place, model)
     without_alias = spec.model_copy(update={"alias": None})
-    assert publish(without_alias, files, store, "one", "one-1") == 1
+    assert publish(tell, without_alias, place, None, "one-1")["version"] == 1
     assert store.aliases("toys") == {}
-    assert publish(spec, files, store, "one", "one-1") == 1
+    assert publish(tell, spec, place, None, "one-1")["version"] == 1
     assert store.aliases("toys") == {"production": 1}
 
 
-def test_what_a_job_kept_can_be_removed(spec: TrainSpec, files: JobFiles, store: ModelStore, tmp_path: Path) -> None:
-    gather(spec, files, lambda: None)
+def test_an_evaluation_keeps_its_report(tell: Told, place: Place, store: ModelStore, model: ShapeModel) -> None:
+    labelled(place)
+    store.publish(model, name="toys", seed=5, source={})
+    spec = EvaluateSpec(model="toys", dataset="table")
+    result = evaluate_model(tell, spec, place, "toys:1")
+    assert tell.stages == list(STAGES["evaluate"])
+    assert (result["model"], result["version"], result["clouds"]) == ("toys", 1, 12)
+    assert result["metrics"] == evaluate_model(tell, spec, place, "toys:1")["metrics"]
+    report = Objects(place.store).get("reports/one/report.json").decode()
+    assert "dataset table" in report
+    assert "/tmp" not in report
+    assert Objects(place.store).get("reports/one/report.html").startswith(b"<!")
+
+
+def test_a_dataset_without_labels_judges_nothing(
+    tell: Told, place: Place, store: ModelStore, model: ShapeModel
+) -> None:
+    store.publish(model, name="toys", seed=5, source={})
+    simulate_into(tell, SimulateSpec(dataset="bare", count=2, simulation={"renderer": "raycast"}), place)
+    with pytest.raises(InvalidParameter, match=r"labels.csv"):
+        evaluate_model(tell, EvaluateSpec(model="toys", dataset="bare"), place, "toys:1")
+
+
+def test_simulating_again_adds_nothing_and_otherwise_is_refused(tell: Told, place: Place) -> None:
+    spec = SimulateSpec(dataset="toys", count=3, seed=2, simulation={"renderer": "raycast"})
+    first = simulate_into(tell, spec, place)
+    assert tell.counted == 3
+    assert simulate_into(tell, spec, place) == first
+    assert len(Datasets(place.store).entries("toys")) == 3
+    with pytest.raises(CloudExists):
+        simulate_into(tell, spec.model_copy(update={"simulation": {"renderer": "raycast", "noise": "none"}}), place)
+
+
+def test_what_a_job_kept_can_be_removed(spec: TrainSpec, tell: Told, place: Place, tmp_path: Path) -> None:
+    gather(tell, spec, place)
     assert Objects(tmp_path).keys("jobs")
-    files.remove()
-    files.remove()
+    place.files.remove()
+    place.files.remove()
     assert not Objects(tmp_path).keys("jobs")
 
 
-def test_a_folder_that_is_not_there_is_named(files: JobFiles, tmp_path: Path) -> None:
+def test_a_source_that_is_not_there_is_named(tell: Told, place: Place, tmp_path: Path) -> None:
     with pytest.raises(InvalidParameter, match="nowhere"):
-        gather(TrainSpec(name="toys", clouds=str(tmp_path / "nowhere")), files, lambda: None)
+        gather(tell, TrainSpec(name="toys", clouds=str(tmp_path / "nowhere")), place)
+    with pytest.raises(DatasetNotFound, match="nowhere"):
+        gather(tell, TrainSpec(name="toys", datasets=("nowhere",)), place)
 
 
-def test_a_parameter_that_the_simulation_does_not_have_is_refused(files: JobFiles) -> None:
+def test_a_parameter_that_the_simulation_does_not_have_is_refused(tell: Told, place: Place) -> None:
     with pytest.raises(InvalidParameter, match="gravity"):
-        gather(TrainSpec(name="toys", simulate=2, simulation={"gravity": 9.81}), files, lambda: None)
+        gather(tell, TrainSpec(name="toys", simulate=2, simulation={"gravity": 9.81}), place)
 
 
-def test_one_cloud_is_not_enough(spec: TrainSpec, files: JobFiles, scans: Path, tmp_path: Path) -> None:
+def test_one_cloud_is_not_enough(tell: Told, place: Place, scans: Path, tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     (tmp_path / "one" / "0.ply").write_bytes((scans / "0.ply").read_bytes())
     alone = TrainSpec(name="toys", clouds=str(tmp_path / "one"))
-    gather(alone, files, lambda: None)
+    gather(tell, alone, place)
     with pytest.raises(NotEnoughSamples):
-        learn(alone, files, lambda stage: None)
+        learn(tell, alone, place)

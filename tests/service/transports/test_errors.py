@@ -11,7 +11,7 @@ from service.engine.errors import ShapeConceptsError, StoreUnavailable, TooFewPo
 from service.transports.errors import INTERNAL, TABLE, problem_of, status_of
 
 GRPC = {"CANCELLED", "DATA_LOSS", "FAILED_PRECONDITION", "INTERNAL", "INVALID_ARGUMENT", "NOT_FOUND"}
-GRPC |= {"RESOURCE_EXHAUSTED", "UNAVAILABLE", "UNAUTHENTICATED", "PERMISSION_DENIED"}
+GRPC |= {"RESOURCE_EXHAUSTED", "UNAVAILABLE", "UNAUTHENTICATED", "PERMISSION_DENIED", "ALREADY_EXISTS", "ABORTED"}
 ERRORS = [
     error
     for error in vars(engine_errors).values()
