@@ -81,9 +81,9 @@ class Training:
             raise InvalidParameter(
                 "Folders of the worker's machine can only be named on its command line; upload a dataset instead."
             )
-        meant = {"train": "parent", "evaluate": "model"}.get(spec.kind)
-        if meant and (reference := getattr(spec, meant)):
-            self._store.resolve(reference)
+        for meant in ("parent", "extend", "model"):
+            if reference := getattr(spec, meant, None):
+                self._store.resolve(reference)
         return self._jobs.submit(spec, job_id)
 
     def job(self, job_id: str) -> Job:

@@ -134,8 +134,10 @@ class Worker:
                 learnt = step("learn", job_steps.learn)
                 metrics = step("judge", job_steps.judge) if spec.get("labelled") else None
                 published = step("publish", job_steps.publish, metrics, once)
+                promoted = step("promote", job_steps.promote, published["version"], published["parent"])
                 DBOS.run_step({"name": "tidy"}, self._files().remove)
-                return {"kind": "train", "model": spec["name"], "metrics": metrics, **published, **learnt}
+                made = {"kind": "train", "model": spec["name"], "metrics": metrics}
+                return {**made, **published, **promoted, **learnt}
 
         @DBOS.workflow(name="evaluate", max_recovery_attempts=RECOVERIES)
         def evaluate(spec: dict[str, Any]) -> dict[str, Any]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.engine.errors import InvalidParameter
-from service.engine.model import OnStage
+from service.engine.model import OnStage, ignore_stage
 from service.store import ModelStore
 from worker.evaluation.answering import AnsweredSet, Count, answer
 from worker.evaluation.judging import figures_of, figures_of_both
 from worker.evaluation.labels import read_labels
 from worker.evaluation.promotion import Rule, Verdict, decide
+
+TRIES = 3  # times that versions are judged, while the alias is moved by others
 
 
 class Outcome(BaseModel):
@@ -33,11 +36,19 @@ class Outcome(BaseModel):
         """What the alias means now."""
         if self.promoted:
             return f"{self.model}@{self.alias} is version {self.version} now."
-        return f"{self.model}@{self.alias} is version {self.before} still: {self.version} is worse."
+        return f"{self.model}@{self.alias} is version {self.before} still; {self.version} is not promoted."
 
 
 def promote_by_rule(
-    store: ModelStore, model: str, alias: str, labels: Path, rule: Rule, on_stage: OnStage, count: Count
+    store: ModelStore,
+    model: str,
+    alias: str,
+    labels: Path,
+    rule: Rule,
+    on_stage: OnStage = ignore_stage,
+    count: Count = lambda items, total: items,
+    *,
+    only_forward: bool = False,
 ) -> Outcome:
     """Promotes a version unless it is worse than the one that the alias means.
 
@@ -49,34 +60,37 @@ def promote_by_rule(
         rule: what counts as worse.
         on_stage: called as each stage begins.
         count: hands on what it is given, and may show how far that is.
+        only_forward: whether an alias that means a later version stays.
 
     Raises:
         ModelNotFound, ModelDamaged, ModelIncompatible: a version cannot be had.
-        InvalidParameter: the labels cannot be used, or are too few to judge by.
+        InvalidParameter: the labels cannot be used, or are too few to judge by; or others move the alias all the time.
     """
     name, version = store.resolve(model)
-    before = store.aliases(name).get(alias)
     labelled = read_labels(labels)
-    if before == version:
-        return _outcome(name, version, alias, before, Verdict(True, (f"{name}@{alias} is version {version} already",)))
 
+    @cache
     def answered(number: int) -> AnsweredSet:
         on_stage(f"responses of {name}:{number}")
         return answer(store.load(name, number)[0], labels, labelled, False, count)
 
-    new = answered(version)
-    if before is None:
-        own, figures = None, figures_of(new)
-    else:
-        old = answered(before)
-        on_stage("figures")
-        own, figures = figures_of_both(old, new)
-    verdict = decide(own, figures, rule)
-    if verdict.promote and not store.exchange(name, before, version, alias):
-        raise InvalidParameter(
-            f"{name}@{alias} was moved while {name}:{version} was judged beside {before or 'none'}: judge it again."
-        )
-    return _outcome(name, version, alias, before, verdict, figures, own)
+    for _ in range(TRIES):
+        before = store.aliases(name).get(alias)
+        outcome = partial(_outcome, name, version, alias, before)
+        if before == version:
+            return outcome(Verdict(True, (f"{name}@{alias} is version {version} already",)))
+        if only_forward and before is not None and before > version:
+            return outcome(Verdict(False, (f"{name}@{alias} means version {before} by now, which is later",)))
+        if before is None:
+            own, figures = None, figures_of(answered(version))
+        else:
+            old, new = answered(before), answered(version)
+            on_stage("figures")
+            own, figures = figures_of_both(old, new)
+        verdict = decide(own, figures, rule)
+        if not verdict.promote or store.exchange(name, before, version, alias):
+            return outcome(verdict, figures, own)
+    raise InvalidParameter(f"{name}@{alias} is moved all the time while {name}:{version} is judged: try again later.")
 
 
 def _outcome(
