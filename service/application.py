@@ -36,6 +36,8 @@ from service.model_file import Manifest
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
+from service.schedules import Schedules
+from service.scheduling import Scheduling
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
@@ -109,7 +111,9 @@ class Application:
         self.store = ModelStore(settings.store)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
-        self.training = Training(Jobs(settings.jobs_url), self.store)
+        jobs = Jobs(settings.jobs_url)
+        self.training = Training(jobs, self.store)
+        self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
@@ -125,6 +129,7 @@ class Application:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
+        self.scheduling.close()
         self.training.close()
         self.telemetry.close()
 

@@ -77,6 +77,16 @@ class Training:
             InvalidParameter: the id is of another form or another job's, or somebody elsewhere names a folder.
             ModelNotFound: the model to be judged or followed is not there.
         """
+        self.check(spec, local=local)
+        return self._jobs.submit(spec, job_id)
+
+    def check(self, spec: JobSpec, *, local: bool) -> None:
+        """Refuses a job that nobody may ask for, or that cannot be done.
+
+        Raises:
+            InvalidParameter: somebody elsewhere names a folder.
+            ModelNotFound: the model to be judged, followed or extended is not there.
+        """
         if spec.kind == "train" and spec.clouds is not None and not local:
             raise InvalidParameter(
                 "Folders of the worker's machine can only be named on its command line; upload a dataset instead."
@@ -84,7 +94,6 @@ class Training:
         for meant in ("parent", "extend", "model"):
             if reference := getattr(spec, meant, None):
                 self._store.resolve(reference)
-        return self._jobs.submit(spec, job_id)
 
     def job(self, job_id: str) -> Job:
         """A job as it stands."""

@@ -49,6 +49,42 @@ def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
+def test_a_schedule_is_made_looked_at_paused_and_removed(folder: Path) -> None:
+    assert run("schedules", "list", "--json").stdout == '{"schedules": []}\n'
+    assert not (folder / "jobs.sqlite").exists()
+    times = ("weekly", "--cron", "0 3 * * mon", "--zone", "Europe/Berlin")
+    for _ in range(2):
+        made = run("schedules", "create", *times, "--job", '{"name": "toys", "simulate": 2}')
+        assert made.exit_code == 0, made.output
+        assert "Schedule weekly is active; next due" in made.stdout
+    (shown,) = lines(run("schedules", "show", "weekly", "--json"))
+    assert (shown["cron"], shown["zone"], shown["job"]["simulate"]) == ("0 3 * * mon", "Europe/Berlin", 2)
+    assert lines(run("schedules", "list", "--json"))[0]["schedules"] == [shown]
+    assert "weekly" in run("schedules", "list").stdout
+    assert "simulate" in run("schedules", "show", "weekly").stdout
+    assert lines(run("schedules", "pause", "weekly", "--json"))[0]["next_due"] is None
+    assert "active" in run("schedules", "resume", "weekly").stdout
+    assert run("schedules", "delete", "weekly").exit_code == 0
+    refused = run("schedules", "show", "weekly")
+    assert (refused.exit_code, "There is no schedule 'weekly'" in refused.stderr) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--cron", "soon", "--job", '{"name": "toys", "simulate": 2}'), "no cron expression"),
+        (("--cron", "0 3 * * mon", "--job", "[1]"), "No such file"),
+        (("--cron", "0 3 * * mon", "--job", "{"), "no JSON"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys"}'), "at least one of"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys", "extend": "nobody"}'), "There is no 'nobody@production'"),
+    ],
+)
+def test_a_schedule_that_cannot_be_says_why(folder: Path, arguments: tuple[str, ...], said: str) -> None:
+    refused = run("schedules", "create", "weekly", *arguments)
+    assert refused.exit_code == 1
+    assert said in refused.stderr
+
+
 def test_versions_are_compared(folder: Path, store: ModelStore, model: ShapeModel) -> None:
     store.publish(model, name="tiny", seed=7, source={}, alias="staging")
     (told,) = lines(run("models", "compare", "tiny", "tiny@staging", "--json"))
@@ -329,6 +365,10 @@ def test_every_example_of_the_help_runs(
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
     if " jobs show " in example or " jobs cancel " in example:
         run("jobs", "submit", "--simulate", "1000", "--name", "default", "--id", "nightly-2025-01-31")
+    job = {"name": "default", "simulate": 250}
+    Path("job.json").write_text(json.dumps(job))
+    if " schedules " in example and " weekly" in example and " create " not in example:
+        run("schedules", "create", "weekly", "--cron", "0 3 * * mon", "--job", json.dumps(job))
     if " keys revoke " in example:
         made = json.loads(run("keys", "create", "robot-7", "--json").stdout)
         example = example.rpartition(" ")[0] + f" {made['id']}"

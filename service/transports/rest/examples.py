@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from service.engine.errors import (
+    CloudExists,
     ModelDamaged,
     ModelNotFound,
     NotAllowed,
@@ -291,6 +292,10 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
     NotAllowed("The access key 'robot-7' allows to answer, not to manage."),
     UnreadableCloud("The form has no file in the field 'cloud': send it with -F cloud=@FILE."),
     ModelNotFound("There is no 'mugs@production'. The store holds: default."),
+    CloudExists(
+        "The dataset 'mugs' has another cloud 'kitchen/box-7.xyz': give this one another key, or say that it shall "
+        "replace it."
+    ),
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),
