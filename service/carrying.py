@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.engine.compare import common_objects, find_counterparts
+from service.engine.compare import MOST_ASKED, common_objects, find_counterparts
 from service.engine.errors import InvalidParameter, ModelDamaged, ModelIncompatible, ModelNotFound
 from service.engine.model import ShapeModel
 from service.store import ModelStore
@@ -32,18 +32,21 @@ class CarriedName(BaseModel):
     jaccard: float = Field(gt=0, le=1, description="objects that both have over those that either has, above 0.5")
 
 
-def names_to_carry(old: ShapeModel, names: Mapping[int, str], new: ShapeModel) -> list[CarriedName]:
+def names_to_carry(
+    old: ShapeModel, names: Mapping[int, str], new: ShapeModel, most_asked: int = MOST_ASKED
+) -> list[CarriedName]:
     """The names of an earlier version that still fit, by the later version's concepts.
 
     Args:
         old: the earlier version.
         names: of its concepts.
         new: the later version.
+        most_asked: as of `compare`.
 
     Raises:
         InvalidParameter: there is nothing to compare them by.
     """
-    found = find_counterparts(old, new, common_objects(old, new), besides=names)
+    found = find_counterparts(old, new, common_objects(old, new, most_asked), besides=names)
     return [
         CarriedName(concept=each.new, name=names[each.old], before=each.old, jaccard=each.jaccard)
         for each in found

@@ -8,11 +8,12 @@ from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.engine.compare import Comparison, compare
+from service.engine.compare import Comparison, affordable, compare
 from service.engine.concepts import Concepts
 from service.engine.fates import Change, Fate
 from service.engine.model import ShapeModel
 
+WORK = 4_000_000  # of one comparison, in pairs of an object and a motif prototype: seconds, however large the models
 _FROZEN = ConfigDict(frozen=True)
 Origin = Literal["persists", "split-off", "merged", "appears", "untold"]
 ORIGINS: dict[Fate, Origin] = {  # what a fate is, seen from the other end
@@ -128,7 +129,7 @@ def compare_versions(old: Version, new: Version) -> VersionComparison:
     Raises:
         InvalidParameter: there is nothing to compare them by.
     """
-    compared = compare(old.model, new.model)
+    compared = compare(old.model, new.model, affordable(old.model, new.model, WORK))
     fates = Counter(change.fate for change in compared.old)
     origins = Counter(ORIGINS[change.fate] for change in compared.new)
     return VersionComparison(

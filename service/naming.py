@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from service.answer import Answer
 from service.carrying import CarriedName, keep_carried, names_to_carry
+from service.comparing import WORK
+from service.engine.compare import affordable
 from service.engine.concepts import is_concept
 from service.engine.errors import ConceptNotFound, InvalidParameter
 from service.lately import Answers, Models
@@ -95,7 +97,8 @@ class Naming:
         names = self.names(*source).of
         if not names:
             return []
-        fitting = names_to_carry(self._models.get(*source), names, self._models.get(*target))
+        old, new = self._models.get(*source), self._models.get(*target)
+        fitting = names_to_carry(old, names, new, affordable(old, new, WORK))
         kept = keep_carried(self._store, source, target, fitting)
         self._answers.forget()
         return kept

@@ -136,14 +136,15 @@ class Schedules:
         )
         return self.show(name)
 
-    def delete(self, name: str) -> None:
-        """Removes a schedule; jobs that it has submitted stay.
+    def delete(self, name: str) -> Schedule:
+        """Removes a schedule; jobs that it has submitted stay. Returns what it was.
 
         Raises:
             ScheduleNotFound: there is none of that name.
         """
-        self.show(name)
+        was = self.show(name)
         self._write("DELETE FROM shape_concepts_schedule WHERE name = :name", name=name)
+        return was
 
     # For workers
 

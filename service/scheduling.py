@@ -54,9 +54,9 @@ class Scheduling:
         """Submits again; the times of the pause count for nothing."""
         return self._schedules.resume(name)
 
-    def delete(self, name: str) -> None:
-        """Removes a schedule; jobs that it has submitted stay."""
-        self._schedules.delete(name)
+    def delete(self, name: str) -> Schedule:
+        """Removes a schedule; jobs that it has submitted stay. Returns what it was."""
+        return self._schedules.delete(name)
 
     def close(self) -> None:
         """Lets the database go."""

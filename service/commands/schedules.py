@@ -98,8 +98,8 @@ def resume(name: str, as_json: bool) -> None:
 @json_option
 def delete(name: str, as_json: bool) -> None:
     """Removes a schedule. Jobs that it has submitted stay."""
-    application_of(None).scheduling.delete(name)
-    done({"name": name, "deleted": True}, f"Schedule {name} is gone.", as_json)
+    was = application_of(None).scheduling.delete(name)
+    done(was.model_dump(mode="json"), f"Schedule {name} is gone.", as_json)
 
 
 def _read_job(given: str) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from service.engine.model import ShapeModel
 from service.engine.recall import NOWHERE, place, recall, sees_as
 
 MOST_ASKED = 500  # objects of one version alone of which the other one is asked; each costs about an answer
+LEAST_ASKED = 20
 
 
 class CommonObjects(NamedTuple):
@@ -125,6 +126,18 @@ def find_counterparts(
         )
     )
     return tuple(Counterpart(ids[a], int(spectra[1].ids[o.concept]), o.jaccard) for a, o in sorted(found.items()))
+
+
+def affordable(old: ShapeModel, new: ShapeModel, work: int) -> int:
+    """Objects of one version of which the other is asked, at most `MOST_ASKED`, so that it takes but so much work.
+
+    Args:
+        old: the earlier version.
+        new: the later version.
+        work: pairs of an object that is asked for and a motif prototype; 10,000 or so take what an answer takes.
+    """
+    largest = max(len(model.ensemble.prototypes) for model in (old, new))
+    return min(MOST_ASKED, max(work // largest, LEAST_ASKED))
 
 
 def common_objects(old: ShapeModel, new: ShapeModel, most_asked: int = MOST_ASKED) -> CommonObjects:

@@ -74,7 +74,9 @@ def place(model: ShapeModel, recalled: Sequence[Recalled] | Iterator[Recalled]) 
     """The training object of a model by which an object would join its topological space; `NOWHERE` if it is novel.
 
     That is the nearest one by the JSD of the stimuli, as edges of the spanning tree are chosen (Sec. Topological Space
-    Generation); of equally near ones the first. Nearest to a training object is itself.
+    Generation); of equally near ones the first. Nearest to a training object is itself. Of the 250 objects of the
+    default model, each left out in turn, 95 % stand by one of their own concept, or of none as they; by the metric of
+    concept responses (Eq. 4), which sees 16 dimensions, 66 %.
 
     Args:
         model: that is asked; it `sees_as` the one that recalls them.

@@ -50,7 +50,8 @@ def settings(store: ModelStore, monkeypatch: pytest.MonkeyPatch) -> Settings:
     """Settings for that store, whatever the environment of the tests says."""
     for name in [name for name in os.environ if name.startswith("SHAPE_CONCEPTS_")]:
         monkeypatch.delenv(name)
-    return Settings(store=store.url, workers=2, queue=2, max_body=2**20, body_timeout=5)
+    url = f"sqlite:///{Path(store.url).parent / 'jobs.sqlite'}"
+    return Settings(store=store.url, jobs_url=url, workers=2, queue=2, max_body=2**20, body_timeout=5)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Request, Response
@@ -14,6 +15,8 @@ from service.job_specs import read_spec
 from service.model_file import NAME
 from service.schedules import LONGEST_NAME, Schedule
 from service.transports.arriving import limits_of
+from service.transports.rest import caching
+from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import documented, refused
 from service.transports.rest.queries import known_only
 from service.transports.rest.uploads import receive_json
@@ -68,18 +71,22 @@ def router(application: Application) -> APIRouter:
     @routes.get(
         "",
         summary="Which jobs are submitted again and again?",
-        responses=documented({"schedules": [MADE]}, 422, 500, 503),
+        response_model=ScheduleList,
+        responses={**documented({"schedules": [MADE]}, 422, 500, 503), **caching.DOCUMENTED},
     )
-    def schedules() -> ScheduleList:
+    def schedules(if_none_match: IfNoneMatch = None) -> Response:
         """All schedules, when they are next due, and the jobs that they have submitted last."""
-        return ScheduleList(schedules=scheduling.schedules())
+        return tagged_by_content(ScheduleList(schedules=scheduling.schedules()), if_none_match)
 
     @routes.post(
         "",
         status_code=201,
         summary="Have a job submitted at the times of a cron expression",
         response_model=Schedule,
-        responses=refused(400, 404, 408, 409, 413, 415, 422, 429, 500, 503),
+        responses={
+            201: {"content": {"application/json": {"example": json.dumps(MADE)}}},
+            **refused(400, 404, 408, 409, 413, 415, 422, 429, 500, 503),
+        },
         openapi_extra={
             "requestBody": {
                 "required": True,
@@ -96,10 +103,15 @@ def router(application: Application) -> APIRouter:
             new = await receive_json(request, limits, take, NewSchedule)
         return await run_in_threadpool(scheduling.create, new.name, new.cron, read_spec(dict(new.job)), new.zone)
 
-    @routes.get("/{name}", summary="How does a schedule stand?", responses=documented(MADE, 404, 422, 500, 503))
-    def schedule(name: ScheduleName) -> Schedule:
+    @routes.get(
+        "/{name}",
+        summary="How does a schedule stand?",
+        response_model=Schedule,
+        responses={**documented(MADE, 404, 422, 500, 503), **caching.DOCUMENTED},
+    )
+    def schedule(name: ScheduleName, if_none_match: IfNoneMatch = None) -> Response:
         """What it submits, when it is next due, and what it has submitted last."""
-        return scheduling.schedule(name)
+        return tagged_by_content(scheduling.schedule(name), if_none_match)
 
     @routes.post("/{name}/pause", summary="Submit nothing", responses=documented(MADE, 404, 422, 500, 503))
     def pause(name: ScheduleName) -> Schedule:
@@ -111,15 +123,9 @@ def router(application: Application) -> APIRouter:
         """At times later than now; those of the pause count for nothing. Repeated, it is done once."""
         return scheduling.resume(name)
 
-    @routes.delete(
-        "/{name}",
-        status_code=204,
-        summary="Remove a schedule",
-        response_class=Response,
-        responses=refused(404, 422, 500, 503),
-    )
-    def delete(name: ScheduleName) -> None:
-        """Jobs that it has submitted stay."""
-        scheduling.delete(name)
+    @routes.delete("/{name}", summary="Remove a schedule", responses=documented(MADE, 404, 422, 500, 503))
+    def delete(name: ScheduleName) -> Schedule:
+        """Jobs that it has submitted stay. The answer is what it was."""
+        return scheduling.delete(name)
 
     return routes

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from service.engine.compare import common_objects, compare, find_counterparts
+from service.engine.compare import LEAST_ASKED, MOST_ASKED, affordable, common_objects, compare, find_counterparts
 from service.engine.concepts import concepts_at
 from service.engine.errors import InvalidParameter
 from service.engine.params import DescriptorParams, ModelParams
@@ -68,6 +68,14 @@ def test_a_sample_of_what_must_be_asked_depends_on_the_clouds_alone_and_stands_f
     assert some.left_out == 0
     assert some.old.tolist() == exchanged.new.tolist()
     assert some.new.tolist() == exchanged.old.tolist()
+
+
+def test_larger_models_are_asked_for_fewer_objects() -> None:
+    small, large = learnt_from(0, 12), learnt_from(0, 24)
+    pairs = len(large.ensemble.prototypes)
+    assert affordable(small, large, 100 * pairs) == affordable(large, small, 100 * pairs) == 100
+    assert affordable(small, large, pairs) == LEAST_ASKED
+    assert affordable(small, large, 10**9) == MOST_ASKED
 
 
 def test_models_that_describe_in_different_ways_are_compared_by_common_clouds_alone() -> None:
