@@ -51,12 +51,12 @@ class Gate:
         return self._valid is None
 
     @contextmanager
-    def entered(self, text: str | None, scope: Scope) -> Iterator[Caller]:
+    def entered(self, text: str | None, *scopes: Scope) -> Iterator[Caller]:
         """The caller, for as long as the request is under way.
 
         Args:
             text: the access key as the client sent it, None for none.
-            scope: what the request does.
+            scopes: what the request does; a key that allows one of them allows it.
 
         Raises:
             NotAuthenticated: there is no key, or it is unknown or revoked.
@@ -66,7 +66,7 @@ class Gate:
         if self._valid is None:
             yield ANYBODY
             return
-        key = self._known(text, scope)
+        key = self._known(text, scopes)
         if (seen := current()) is not None:
             seen.caller = key.id
         self._enter(key)
@@ -76,13 +76,14 @@ class Gate:
             with self._lock:
                 self._spent[key.id].under_way -= 1
 
-    def _known(self, text: str | None, scope: Scope) -> AccessKey:
+    def _known(self, text: str | None, scopes: tuple[Scope, ...]) -> AccessKey:
         if not text:
             raise NotAuthenticated("An access key is needed; ask the operator of the service for one.")
         assert self._valid is not None
         key = authenticate(text, self._valid())
-        if scope not in key.scopes:
-            raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {scope}.")
+        if not set(scopes) & set(key.scopes):
+            asked = " or ".join(scopes)
+            raise NotAllowed(f"The access key '{key.name}' allows to {', '.join(key.scopes)}, not to {asked}.")
         return key
 
     def _enter(self, key: AccessKey) -> None:

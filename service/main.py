@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from contextlib import AsyncExitStack
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
@@ -65,9 +66,22 @@ def http_app(application: Application) -> FastAPI:
     return app
 
 
+class _Server(uvicorn.Server):
+    """An HTTP server that lets those who follow jobs go when it is told to end: they would stay for hours."""
+
+    def __init__(self, config: uvicorn.Config, application: Application) -> None:
+        super().__init__(config)
+        self._application = application
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Called with the signal that tells it to end."""
+        self._application.training.ending.set()
+        super().handle_exit(sig, frame)
+
+
 async def _serve(application: Application, settings: Settings) -> None:
     """Opens every transport, the HTTP server last: it is the one that waits for the signals."""
-    server = uvicorn.Server(
+    server = _Server(
         uvicorn.Config(
             http_app(application),
             host=settings.host,
@@ -77,7 +91,8 @@ async def _serve(application: Application, settings: Settings) -> None:
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE,
-        )
+        ),
+        application,
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)

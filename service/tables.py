@@ -302,7 +302,8 @@ def _asked(job: Job) -> tuple[str, str]:
         return spec.model, f"judged by dataset {spec.dataset}"
     if spec.kind == "simulate":
         return f"dataset {spec.dataset}", f"{spec.count} simulated"
-    sources = [f"dataset {name}" for name in spec.datasets]
+    sources = [f"what {spec.extend} learnt from"] if spec.extend else []
+    sources += [f"dataset {name}" for name in spec.datasets]
     if spec.simulate is not None:
         sources.append(f"{spec.simulate} simulated")
     if spec.clouds is not None:
@@ -319,7 +320,7 @@ def _outcome(job: Job) -> str:
         return f"{job.error.type}: {job.error.detail}"
     result = job.result
     if result is None:
-        return _underway(job.progress) if job.progress and job.state == "running" else "-"
+        return underway(job.progress) if job.progress and job.state == "running" else "-"
     if result.kind == "simulate":
         return f"{result.clouds} clouds in dataset {result.dataset}"
     figures = ", ".join(f"{name} {value:.3f}" for name, value in (result.metrics or {}).items())
@@ -327,10 +328,12 @@ def _outcome(job: Job) -> str:
     if result.kind == "evaluate":
         return f"{result.model}:{result.version} judged by {result.clouds} clouds{judged}"
     left_out = f", {result.left_out} left out" if result.left_out else ""
-    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}"
+    stays = ", not promoted" if not result.promoted else ""
+    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}{stays}"
 
 
-def _underway(progress: Progress) -> str:
+def underway(progress: Progress) -> str:
+    """How far a job is, in a line."""
     done = f" {progress.done} of {progress.total}" if progress.total else ""
     left = f", about {progress.left_s:.0f} s left" if progress.left_s is not None else ""
     return f"{progress.stage}{done} (stage {progress.stages_done + 1} of {progress.stages}{left})"

@@ -95,7 +95,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     UploadConflict: Status(409, "ABORTED", "The piece does not follow"),
     JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
     JobConflict: Status(409, "FAILED_PRECONDITION", "The job is in another state"),
-    JobTimedOut: Status(504, "DEADLINE_EXCEEDED", "The job took too long"),
+    JobTimedOut: Status(422, "FAILED_PRECONDITION", "The job took too long"),
     StageDied: Status(500, "INTERNAL", "A stage of the job was killed"),
     ScheduleNotFound: Status(404, "NOT_FOUND", "There is no such schedule"),
     ScheduleExists: Status(409, "ALREADY_EXISTS", "There is another schedule of that name"),

@@ -2,76 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import os
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from service.store import ModelStore
-
-PATIENCE = 120.0  # seconds that anything may take
-
-
-class Place:
-    """A store and a queue of their own, and the processes that use them."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.store = ModelStore(folder / "store")
-        given = {"STORE": folder / "store", "JOBS_URL": f"sqlite:///{folder / 'queue' / 'jobs.sqlite'}"}
-        plain = {name: value for name, value in os.environ.items() if not name.startswith("SHAPE_CONCEPTS_")}
-        self.environment = plain | {f"SHAPE_CONCEPTS_{name}": str(value) for name, value in given.items()}
-
-    def jobs(self, *arguments: str) -> dict[str, Any]:
-        command = [sys.executable, "-m", "service.cli", "jobs", *arguments, "--json"]
-        asked = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=PATIENCE)
-        assert asked.returncode == 0, asked.stderr
-        answer: dict[str, Any] = json.loads(asked.stdout)
-        return answer
-
-    @contextmanager
-    def worker(self, log: str) -> Iterator[Worker]:
-        """A worker process; what is left of it and of its helpers in the end is killed."""
-        file = self.folder / f"{log}.log"
-        command = [sys.executable, "-m", "worker.cli", "run", "--worker", "tested", "--workers", "2"]
-        with file.open("w") as stderr:
-            process = subprocess.Popen(command, env=self.environment, stderr=stderr, start_new_session=True)
-        try:
-            yield Worker(process, file)
-        finally:
-            with suppress(ProcessLookupError):  # those that a killed worker computed with are of its group
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-
-
-class Worker:
-    """A worker process and what it logs."""
-
-    def __init__(self, process: subprocess.Popen[bytes], file: Path) -> None:
-        self.process, self.file = process, file
-
-    @property
-    def log(self) -> str:
-        return self.file.read_text()
-
-    def wait_for(self, line: str) -> None:
-        until = time.monotonic() + PATIENCE
-        while line not in self.log:
-            running = self.process.poll() is None and time.monotonic() < until
-            assert running, f"no '{line}' in:\n{self.log}"
-            time.sleep(0.02)
-
-    def end(self, number: signal.Signals) -> int:
-        self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+from tests.acceptance.jobs_place import PATIENCE, Place
 
 
 @pytest.fixture
@@ -80,7 +16,7 @@ def place(tmp_path: Path) -> Place:
 
 
 def test_a_job_broken_off_again_and_again_publishes_one_version(place: Place) -> None:
-    place.jobs("submit", "--simulate", "6", "--renderer", "raycast", "--name", "toys", "--id", "one")
+    place.submit("one")
     with place.worker("first") as worker:
         worker.wait_for("job one: gathering clouds")
         assert worker.end(signal.SIGTERM) == 0

@@ -31,14 +31,14 @@ def needing(application: Application, scope: Scope) -> Dependency:
     return result
 
 
-def reading(application: Application, otherwise: Scope) -> Dependency:
-    """As `needing`: whoever may have answers may read, and who alters something needs another scope."""
+def reading(application: Application, *scopes: Scope, otherwise: Scope) -> Dependency:
+    """As `needing`: who has one of some scopes may read, by default "answer"; who alters something needs another."""
 
     def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
     ) -> Iterator[None]:
-        scope: Scope = "answer" if request.method in READING else otherwise
-        with application.access.entered(sent.credentials if sent else None, scope):
+        any_of = (scopes or ("answer",)) if request.method in READING else (otherwise,)
+        with application.access.entered(sent.credentials if sent else None, *any_of):
             yield
 
     result: Any = Depends(enter)

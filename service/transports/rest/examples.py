@@ -9,6 +9,7 @@ from typing import Any
 
 from service.engine.errors import (
     CloudExists,
+    JobConflict,
     ModelDamaged,
     ModelNotFound,
     NotAllowed,
@@ -304,6 +305,7 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."
     ),
+    JobConflict("The job 'nightly-2025-01-31' is done; submit another one to do it again."),
     Overloaded("36 requests are already at work or waiting; try again in a second."),
     ModelDamaged("default:1 is refused. model.safetensors was cut off or replaced."),
     StoreUnavailable(),

@@ -94,3 +94,26 @@ def test_who_may_have_answers_may_read_and_only_who_manages_may_alter(
     other = next(name for name in sent if name != scope)
     assert status[scope] not in (401, 403)
     assert status[other] == 403
+
+
+def test_who_answers_or_trains_sees_jobs_and_only_who_trains_alters_them(
+    guarded: httpx.Client, settings: Settings
+) -> None:
+    keys = KeyStore(settings.store)
+    sent = {name: bearing(keys.create(name, (name,)).text) for name in ("answer", "train", "manage")}
+    time.sleep(1.1)
+    job = {"kind": "simulate", "dataset": "toys", "count": 1}
+    altering = {
+        name: guarded.post("/v1/jobs", json=job, headers={**headers, "Idempotency-Key": "one"}).status_code
+        for name, headers in sent.items()
+    }
+    assert altering == {"answer": 403, "train": 202, "manage": 403}
+    for method, path, allowed in [
+        ("GET", "/v1/jobs", {"answer", "train"}),
+        ("GET", "/v1/jobs/one", {"answer", "train"}),
+        ("GET", "/v1/jobs/one/logs", {"answer", "train"}),
+        ("POST", "/v1/jobs/one/cancel", {"train"}),
+        ("POST", "/v1/jobs/one/retry", {"train"}),
+    ]:
+        told = {name: guarded.request(method, path, headers=headers).status_code for name, headers in sent.items()}
+        assert told == {name: 200 if name in allowed else 403 for name in sent}, path
