@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import re
 import sqlite3
 import time
 import uuid
@@ -22,6 +23,7 @@ from service.engine.errors import InvalidParameter, JobConflict, JobNotFound, Jo
 from service.job import ENGINE_STATES, Job, State, read_job
 from service.job_records import JobRecords, LogLine
 from service.job_specs import KINDS, JobSpec, check_id
+from service.model_file import NAME
 
 if TYPE_CHECKING:
     from dbos import DBOSClient
@@ -104,7 +106,7 @@ class Jobs:
         Raises:
             JobNotFound: there is none of that id.
         """
-        found = self._find(workflow_ids=[job_id])
+        found = self._find(workflow_ids=[job_id]) if re.fullmatch(NAME, job_id) else []
         if not found:
             raise JobNotFound(f"There is no job '{job_id[:100]}'.")
         return found[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
@@ -25,7 +25,8 @@ from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
 log = logging.getLogger(__name__)
 
 SERVICE = service_pb2.DESCRIPTOR.services_by_name["ShapeConceptsService"].full_name
-SCOPE: Scope = "answer"  # what every call does: nothing is altered
+ANSWER: tuple[Scope, ...] = ("answer",)  # what a call does of which nothing else is said: it alters nothing
+PACKAGE = SERVICE.rpartition(".")[0]
 REQUEST_ID = "x-request-id"
 DETAILS = "grpc-status-details-bin"  # where gRPC's clients look for a google.rpc.Status
 
@@ -63,6 +64,7 @@ class Guard(grpc.aio.ServerInterceptor):
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
         services: names of our services.
         open: paths of the calls that need no access key.
+        scopes: that calls need one of, by their paths, where it is not "answer".
     """
 
     def __init__(
@@ -73,7 +75,9 @@ class Guard(grpc.aio.ServerInterceptor):
         timeout: float,
         services: Iterable[str] = (SERVICE,),
         open: frozenset[str] = frozenset(),
+        scopes: Mapping[str, tuple[Scope, ...]] | None = None,
     ) -> None:
+        self._scopes = dict(scopes or {})
         self._ours = tuple(f"/{name}/" for name in services)
         self._unlocked = open
         self._gate = gate
@@ -114,7 +118,7 @@ class Guard(grpc.aio.ServerInterceptor):
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
         carrier = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
-        wire: Wire = "grpc" if method.startswith(f"/{SERVICE}/") else "open-inference"
+        wire: Wire = "grpc" if method.startswith(f"/{PACKAGE}.") else "open-inference"
         with self._telemetry.request(wire, request_id, method, carrier) as seen:
             try:
                 with self._entered():
@@ -150,7 +154,7 @@ class Guard(grpc.aio.ServerInterceptor):
             yield
             return
         with ExitStack() as stack:
-            entered = self._gate.entered(key, SCOPE)
+            entered = self._gate.entered(key, *self._scopes.get(method, ANSWER))
             if self._gate.open:
                 stack.enter_context(entered)
             else:
