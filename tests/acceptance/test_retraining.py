@@ -7,7 +7,10 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +20,13 @@ from service.clouds import write_ply
 from service.cron import read_cron
 from service.datasets import Datasets
 from service.job_specs import read_spec
+from service.jobs import Jobs
 from service.labels import Label
-from service.schedules import Schedules
+from service.schedules import Schedules, id_of
 from tests.acceptance.jobs_place import Place
+from tests.acceptance.test_job_faults import Postgres
 from tests.learnt import objects
+from worker.scheduling import Scheduling
 
 RAYCAST = {"renderer": "raycast"}
 
@@ -102,3 +108,24 @@ def test_a_model_is_extended_judged_promoted_and_taken_back(place: Place) -> Non
     told = command(place, "models", "compare", "toys:1", "toys:2")
     assert {same["new"]: same["old_name"] for same in told["same_concepts"]} == names.of
     assert command(place, "models", "rollback", "toys")["version"] == 1
+
+
+@pytest.mark.slow
+def test_on_postgres_several_workers_make_one_job_of_a_due_time_too() -> None:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as ending:  # pytest's own are closed to other users
+        server = Postgres(Path(folder))
+        ending.callback(server.crash)
+        jobs = Jobs(server.url)
+        schedules = Schedules(jobs)
+        hourly = read_cron("0 * * * *")
+        made = schedules.create("hourly", hourly, read_spec({"name": "toys", "simulate": 3}))
+        assert schedules.create("hourly", hourly, made.job) == made
+        due = hourly.next(made.since)
+        workers = [Scheduling(Jobs(server.url)) for _ in range(4)]
+        with ThreadPoolExecutor(4) as threads:
+            list(threads.map(lambda worker: worker.look(due), workers))
+        assert [job.id for job in jobs.page().jobs] == [id_of(made, due)] == [schedules.show("hourly").last_job]
+        schedules.pause("hourly")
+        assert schedules.resume("hourly").since > made.since
+        schedules.delete("hourly")
+        assert schedules.all() == []
