@@ -17,8 +17,9 @@ from scipy.sparse import csr_array
 
 from service.engine.divergence import sparse_jsd
 from service.engine.model import ShapeModel
+from service.engine.motifs import Constellations
 from service.engine.novelty import divergences_from
-from service.engine.stimuli import Stimuli, stimulate_recalled
+from service.engine.stimuli import Stimuli, stimulate
 
 NOVEL = 0.95  # an object of this novelty or more is like nothing that a model has learnt
 NOWHERE = -1
@@ -28,14 +29,13 @@ class Recalled(NamedTuple):
     """A training object, as a model remembers it.
 
     Attributes:
-        levels: (L, 2) int64: on which motif level which constellation occurs; rows (level, c).
-        coverage: (C,) float64: the share of the object's surface that each constellation covers.
+        constellations: C of them, with their levels and coverage; which segments each has, and how they are joined, is
+            not kept: (C, 0) and (0, 2).
         descriptors: (C, D) float32: of the constellations.
         whole: (D,) float32: of the whole object.
     """
 
-    levels: NDArray[np.int64]
-    coverage: NDArray[np.float64]
+    constellations: Constellations
     descriptors: NDArray[np.float32]
     whole: NDArray[np.float32]
 
@@ -62,12 +62,30 @@ def recall(model: ShapeModel, objects: Sequence[int]) -> Iterator[Recalled]:
         start, end = first[number : number + 2]
         kept = slice(memorised.indptr[start], memorised.indptr[end])
         constellation = np.repeat(np.arange(end - start), np.diff(memorised.indptr[start : end + 1]))
-        yield Recalled(
+        constellations = Constellations(
+            members=np.zeros((end - start, 0), dtype=bool),
             levels=np.stack([level_of[memorised.indices[kept]], constellation], axis=1),
+            edges=np.zeros((0, 2), np.int64),
+            propagations=np.zeros((0, 2), np.int64),
             coverage=ensemble.coverage[start:end],
+            truncated=False,
+        )
+        yield Recalled(
+            constellations,
             descriptors=ensemble.prototypes[start:end],
             whole=ensemble.prototypes[model.novelty_scale.wholes[number]],
         )
+
+
+def stimulate_again(model: ShapeModel, recalled: Recalled) -> Stimuli:
+    """The stimuli that an object gives a model, by what some model remembers of it.
+
+    Args:
+        model: that is asked; it `sees_as` the one that remembers, so that words play no part.
+        recalled: the object.
+    """
+    words = np.zeros((0, len(model.dictionary.levels)), np.int64)
+    return stimulate(model.ensemble, recalled.constellations, recalled.descriptors, words, model.params.stimuli)
 
 
 def place(model: ShapeModel, recalled: Sequence[Recalled] | Iterator[Recalled]) -> Iterator[int]:
@@ -90,7 +108,7 @@ def place(model: ShapeModel, recalled: Sequence[Recalled] | Iterator[Recalled]) 
         if model.novelty_scale.novelty(float(divergence)) >= NOVEL:
             yield NOWHERE
             continue
-        stimuli = stimulate_recalled(model.ensemble, each.levels, each.coverage, each.descriptors, model.params.stimuli)
+        stimuli = stimulate_again(model, each)
         asked = _dense(stimuli, rows.shape[1])
         filled = len(stimuli.indices) > 0
         apart = [sparse_jsd(asked, filled, column, value, start[i], start[i + 1]) for i in range(rows.shape[0])]

@@ -65,42 +65,10 @@ def excite(
     params: StimuliParams,
 ) -> Excitation:
     """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`."""
-    active = _activated(ensemble, constellations, words, params)
-    return _excite(ensemble, descriptors, constellations.coverage, active, params)
-
-
-def stimulate_recalled(
-    ensemble: Ensemble,
-    levels: NDArray[np.int64],
-    coverage: NDArray[np.float64],
-    descriptors: NDArray[np.float32],
-    params: StimuliParams,
-) -> Stimuli:
-    """The stimuli vector of an object of which it is not known any more which segments a constellation has.
-
-    Args:
-        ensemble: HE.
-        levels: (L, 2): on which motif level which constellation occurs; rows (level, c).
-        coverage: (C,): the share of the surface that each constellation covers.
-        descriptors: (C, D) of the constellations.
-        params: of a gating that asks for no words.
-    """
-    assert params.gating != "words"
-    by_rank = params.gating == "rank"
-    active = _of_rank(levels, coverage, ensemble)[:, ensemble.vertex_ranks] if by_rank else None
-    return accumulate(_excite(ensemble, descriptors, coverage, active, params), ensemble, params)
-
-
-def _excite(
-    ensemble: Ensemble,
-    descriptors: NDArray[np.float32],
-    coverage: NDArray[np.float64],
-    active: NDArray[np.bool_] | None,
-    params: StimuliParams,
-) -> Excitation:
     kernel = gaussian_of_jsd(descriptors, ensemble.prototypes, params.sigma)
     alpha = kernel @ ensemble.mean_over_vertex  # (C, V): the mean over T^v of each constellation's kernel values
-    weights = coverage**params.coverage_power
+    weights = constellations.coverage**params.coverage_power
+    active = _activated(ensemble, constellations, words, params)
     if active is not None:
         alpha[~active] = 0.0
     return Excitation(alpha * weights[:, None], active, weights)
@@ -131,7 +99,7 @@ def _activated(
     if params.gating == "kernel":
         return None
     if params.gating == "rank":
-        return _of_rank(constellations.levels, constellations.coverage, ensemble)[:, ensemble.vertex_ranks]
+        return _of_rank(constellations, int(ensemble.vertex_levels.max()))[:, ensemble.vertex_ranks]
     active = np.zeros((len(constellations.members), ensemble.vertex_count), dtype=bool)
     first = 0
     for hierarchy, column in zip(ensemble.hierarchies, words.T, strict=True):
@@ -143,18 +111,17 @@ def _activated(
     return active
 
 
-def _of_rank(levels: NDArray[np.int64], coverage: NDArray[np.float64], ensemble: Ensemble) -> NDArray[np.bool_]:
-    """Which constellation is of which rank (C, 3).
+def _of_rank(constellations: Constellations, top: int) -> NDArray[np.bool_]:
+    """Which constellation is of which rank (C, 3), for vertices of the motif levels 1 to `top`.
 
     Of unions the whole object is the largest one, and that of a single segment its only one: unions tell what parts
     look like together, never how many there are.
     """
-    level, c = levels.T
-    top = int(ensemble.vertex_levels.max())
-    of_rank = np.zeros((len(coverage), 3), dtype=bool)
+    level, c = constellations.levels.T
+    of_rank = np.zeros((len(constellations.coverage), 3), dtype=bool)
     of_rank[c[level == 1], Rank.SEGMENT] = True
     of_rank[c[(level > 1) & (level < top)], Rank.UNION] = True
-    of_rank[coverage.argmax(), Rank.UNION] = True
+    of_rank[constellations.coverage.argmax(), Rank.UNION] = True
     of_rank[c[level == top], Rank.WHOLE] = True
     return of_rank
 
