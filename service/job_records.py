@@ -129,7 +129,8 @@ class JobRecords:
         """Appends lines to the log of a job, each with its time."""
         self._number(
             "INSERT INTO shape_concepts_job_log (job, number, at, line) "
-            "SELECT :job, coalesce(max(number), 0) + 1, :at, :line FROM shape_concepts_job_log WHERE job = :job",
+            "SELECT CAST(:job AS VARCHAR(63)), coalesce(max(number), 0) + 1, CAST(:at AS DOUBLE PRECISION), :line "
+            "FROM shape_concepts_job_log WHERE job = CAST(:job AS VARCHAR(63))",
             [{"job": job, "at": at, "line": line[:LONGEST_LINE]} for at, line in lines],
         )
 

@@ -84,13 +84,13 @@ class Pulse:
     def _beat(self) -> None:
         self._beats += 1
         self._jobs.records.beat(self._name, f"{self._life} {self._beats}")
+        current = self._job  # before the owners: what is under way by then was claimed before
         owners = self._jobs.owners()
-        if (current := self._job) is not None:
-            job, report = current
-            report.write()
-            if owners.get(job) != self._name and self._job is current:
-                self._verdict = "cancelled" if self._jobs.show(job).state == "cancelled" else "lost"
+        if current is not None and owners.get(current[0]) != self._name and self._job is current:
+            self._verdict = "cancelled" if self._jobs.show(current[0]).state == "cancelled" else "lost"
         self._look_after(owners)
+        if current is not None:
+            current[1].write()
 
     def _look_after(self, owners: dict[str, str]) -> None:
         """Hands jobs back that nobody is at.

@@ -32,10 +32,10 @@ def jobs() -> None:
     epilog=examples(
         "shape-concepts jobs submit --simulate 250 --name default",
         "shape-concepts jobs submit --dataset scans --dataset more-scans --simulate 250 --name workshop",
-        "shape-concepts jobs submit --dataset scans --name workshop --parent workshop --labelled test-scans",
+        "shape-concepts jobs submit --dataset scans --name default --parent default --labelled test-scans",
         "shape-concepts jobs submit --extend default --dataset new-scans --labelled test-scans --promote not-worse "
         "--name default",
-        "shape-concepts jobs submit --evaluate workshop@staging --dataset test-scans",
+        "shape-concepts jobs submit --evaluate default@staging --dataset test-scans",
         "shape-concepts jobs submit --simulate 1000 --into toys",
         "shape-concepts jobs submit --simulate 1000 --name default --id nightly-2025-01-31 --timeout 3600",
     )
@@ -233,7 +233,7 @@ def _spec(given: dict[str, Any]) -> JobSpec:
 def _refuse(given: dict[str, Any], beside: str, options: tuple[str, ...]) -> None:
     """Refuses options that would be without effect."""
     if wrong := [option for option in options if given[option]]:
-        raise click.UsageError(f"{beside} does not go with --{wrong[0].removesuffix('s')}.")
+        raise click.UsageError(f"{beside} does not go with --{'dataset' if wrong[0] == 'datasets' else wrong[0]}.")
 
 
 def _as_json(line: LogLine) -> dict[str, Any]:

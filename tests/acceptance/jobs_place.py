@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -85,6 +86,19 @@ class Place:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
 
+    @contextmanager
+    def api(self, port: int) -> Iterator[subprocess.Popen[bytes]]:
+        """A process of the service; killed in the end if it is there still."""
+        environment = self.environment | {"SHAPE_CONCEPTS_PORT": str(port), "SHAPE_CONCEPTS_GRPC_PORT": "-1"}
+        with (self.folder / "api.log").open("a") as stderr:
+            process = subprocess.Popen([sys.executable, "-m", "service.main"], env=environment, stderr=stderr)
+        try:
+            wait_until(lambda: _answers(port), "the service to answer")
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+
 
 class Worker:
     """A worker process and what it logs."""
@@ -117,6 +131,20 @@ class Worker:
     def end(self, number: signal.Signals) -> int:
         self.signal(number)
         return self.process.wait(PATIENCE)
+
+
+def free_port() -> int:
+    """A TCP port of the loopback address that nobody listens on."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port: int = free.getsockname()[1]
+        return port
+
+
+def _answers(port: int) -> bool:
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+        return True
+    return False
 
 
 def wait_until(happened: Callable[[], bool], what: str) -> None:

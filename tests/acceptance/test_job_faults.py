@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import pytest
 
 from service.clouds import write_ply
 from service.datasets import Datasets
+from service.job_specs import read_spec
 from service.labels import Label
-from tests.acceptance.jobs_place import PATIENCE, Place, Worker, wait_until
+from tests.acceptance.jobs_place import PATIENCE, Place, Worker, free_port, wait_until
 from worker.simulation import simulate
 
 STEPS = ("gathering clouds", "segments and descriptors", "responses", "publishing")  # the first stage of each step
@@ -55,7 +58,7 @@ def test_a_dead_workers_job_is_taken_over_without_doing_again_what_was_finished(
         first, second = taker(a, b)
         first.wait_for("job one: segments and descriptors")
         first.end(signal.SIGKILL)
-        second.wait_for("job one: done")
+        place.until("one", "done")
     noticed = f"worker {first.name} has given no sign of life for 3 s: back in the queue"
     assert second.said("one")[:2] == [noticed, f"taken by worker {second.name}"]
     assert "gathering clouds" not in second.said("one")
@@ -69,7 +72,7 @@ def test_a_store_that_refuses_while_publishing_loses_nothing(place: Place) -> No
     blobs.parent.mkdir()
     blobs.write_text("no folder")  # what models are written into cannot be made
     place.submit("one", "--simulate", "6", "--name", "toys", "--attempts", "2")
-    with place.worker("worker") as worker:
+    with place.worker("worker"):
         failed = place.until("one", "failed")
         assert failed.error is not None
         assert failed.error.type == "store-unavailable"
@@ -77,12 +80,48 @@ def test_a_store_that_refuses_while_publishing_loses_nothing(place: Place) -> No
         assert any(line.startswith("tried 1 of 2 times; again in 2 s") for line in place.told("one"))
         blobs.unlink()
         place.jobs("retry", "one")
-        worker.wait_for("job one: done")
+        place.until("one", "done")
     assert place.store.versions("toys") == [1]
     assert place.store.resolve("toys") == ("toys", 1)
     place.store.load("toys", 1)
     again = place.told("one")[place.told("one").index("queued again") :]
     assert again == ["queued again", "taken by worker tested", "publishing", "published toys:1", "done"]
+
+
+def followed(port: int, job: str, seen: list[tuple[int, str]]) -> bool:
+    """Follows a job after the lines that were seen; returns whether it was told that it is over."""
+    headers = {"Last-Event-ID": str(seen[-1][0])} if seen else {}
+    kind = ""
+    with (
+        suppress(httpx.TransportError),  # the service was killed
+        httpx.stream("GET", f"http://127.0.0.1:{port}/v1/jobs/{job}/events", headers=headers, timeout=PATIENCE) as told,
+    ):
+        for line in told.iter_lines():
+            field, _, value = line.partition(": ")
+            kind = value if field == "event" else kind
+            if field == "data" and kind == "log":
+                seen.append((json.loads(value)["number"], json.loads(value)["line"]))
+            if kind == "end":
+                return True
+    return False
+
+
+def test_a_killed_service_disturbs_no_job_and_who_follows_one_misses_nothing(place: Place) -> None:
+    port, seen = free_port(), list[tuple[int, str]]()
+    place.submit("one", "--simulate", "12", "--name", "toys")
+    with place.worker("worker") as worker:
+        with place.api(port) as api, ThreadPoolExecutor(1) as threads:
+            following = threads.submit(followed, port, "one", seen)
+            wait_until(lambda: "gathering clouds" in [line for _, line in seen], "a line of the log")
+            api.kill()
+            assert following.result() is False
+        worker.wait_for("job one: dictionary")
+        with place.api(port):
+            assert followed(port, "one", seen)
+        assert "Traceback" not in worker.log
+    assert [number for number, _ in seen] == list(range(1, len(seen) + 1))
+    assert [line for _, line in seen] == place.told("one")
+    assert seen[-1][1] == "done"
 
 
 @pytest.mark.slow
@@ -109,7 +148,7 @@ def test_a_worker_killed_in_every_stage_goes_on_and_repeats_no_finished_one(plac
             worker.end(signal.SIGKILL)
         before = job
     with place.worker("last") as worker:
-        worker.wait_for("job h: done")
+        place.until("h", "done")
     for job, stage, _ in kills:
         found, told = place.queue.show(job), place.told(job)
         assert found.state == "done", found
@@ -138,7 +177,7 @@ def test_a_cancel_takes_effect_within_seconds_in_every_stage_and_a_retry_goes_on
     }
     place.submit("first")
     with place.worker("worker") as worker:
-        worker.wait_for("job first: done")
+        place.until("first", "done")
         for number, (stage, arguments) in enumerate(stages.items()):
             job = f"job-{number}"
             place.submit(job, *arguments)
@@ -149,7 +188,7 @@ def test_a_cancel_takes_effect_within_seconds_in_every_stage_and_a_retry_goes_on
             assert time.monotonic() - asked < 5
         assert place.store.versions("toys") == [1]
         place.queue.retry("job-1")
-        worker.wait_for("job job-1: done")
+        place.until("job-1", "done")
     assert place.told("job-1").count("gathering clouds") == 1
     assert place.store.versions("toys") == [1, 2]
 
@@ -178,7 +217,7 @@ def test_a_worker_that_was_only_paused_gives_up_what_another_has_taken_over(plac
         paused.signal(signal.SIGSTOP)
         other.wait_for("job one: taken by worker")
         paused.signal(signal.SIGCONT)
-        other.wait_for("job one: done")
+        place.until("one", "done")
         place.submit("two", "--simulate", "2", "--into", "toys")
         place.until("two", "done")
         assert paused.process.poll() is None
@@ -195,8 +234,9 @@ def share_a_queue(place: Place) -> None:
     """Twenty small jobs, five of which train."""
     jobs = [f"job-{number:02}" for number in range(20)]
     for number, job in enumerate(jobs):
-        into = ("--simulate", "2", "--into", f"set-{number}")
-        place.submit(job, *(("--simulate", "4", "--name", "toys") if number % 4 == 0 else into))
+        train = {"name": "toys", "simulate": 4}
+        given = train if number % 4 == 0 else {"kind": "simulate", "dataset": f"set-{number}", "count": 2}
+        place.queue.submit(read_spec({**given, "simulation": {"renderer": "raycast"}}), job)
     with place.worker("first", "first") as first, place.worker("second", "second") as second:
         for job in jobs:
             assert place.until(job, "done").state == "done"
@@ -228,7 +268,7 @@ def test_a_full_disk_while_publishing_leaves_no_half_version_and_loses_no_job(tm
     place = Place(tmp_path, store=small_disk / "store")
     place.submit("first")
     with place.worker("worker") as worker:
-        worker.wait_for("job first: done")
+        place.until("first", "done")
         [blob] = (small_disk / "store" / "blobs" / "sha256").iterdir()
         clouds = 6 * 2**19  # more than the clouds of a job take
         # Room for the clouds and for the model as it is learnt, but not for another one where it is published.
@@ -245,7 +285,7 @@ def test_a_full_disk_while_publishing_leaves_no_half_version_and_loses_no_job(tm
         assert place.store.resolve("toys") == ("toys", 1)
         (small_disk / "filler").unlink()
         place.jobs("retry", "second")
-        worker.wait_for("job second: done")
+        place.until("second", "done")
     assert place.told("second").count("gathering clouds") == 1
     assert place.store.versions("toys") == [1, 2]
     place.store.load("toys", 2)
@@ -268,8 +308,7 @@ def test_a_full_disk_under_the_database_loses_no_job(tmp_path: Path, small_disk:
         fill(small_disk / "filler")
         time.sleep(6)
         (small_disk / "filler").unlink()
-        worker.wait_for("job one: done")
-    assert place.until("one", "done").state == "done"
+        place.until("one", "done")
     assert place.store.versions("toys") == [1]
     place.queue.close()
 
@@ -283,9 +322,7 @@ class Postgres:
             pytest.skip("Postgres is not installed")
         self._programs, self._folder = found[-1], folder
         self._user = ["runuser", "-u", "postgres", "--"] if os.getuid() == 0 else []  # it refuses to run as root
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         if self._user:
             shutil.chown(folder, "postgres")
         self._run("initdb", "-D", str(folder / "data"), "-U", "worker", "-A", "trust", "--no-sync")
@@ -336,9 +373,8 @@ def test_jobs_outlive_a_crash_of_their_database(tmp_path: Path, postgres: Postgr
         worker.wait_for("job one: segments and descriptors")
         postgres.crash()
         postgres.start()
-        worker.wait_for("job two: done")
-    for job in ("one", "two"):
-        assert place.until(job, "done").state == "done"
+        place.until("two", "done")
+        place.until("one", "done")
     assert place.store.versions("toys") == [1, 2]
     assert place.told("one").count("taken by worker tested") == 1
     place.queue.close()

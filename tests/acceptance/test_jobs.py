@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from tests.acceptance.jobs_place import PATIENCE, Place
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Place:
-    return Place(tmp_path)
+def place(tmp_path: Path) -> Iterator[Place]:
+    place = Place(tmp_path)
+    yield place
+    place.queue.close()
 
 
 def test_a_job_broken_off_again_and_again_publishes_one_version(place: Place) -> None:
@@ -29,7 +32,7 @@ def test_a_job_broken_off_again_and_again_publishes_one_version(place: Place) ->
         assert "job one: gathering clouds" in worker.log
 
     with place.worker("third") as worker:
-        worker.wait_for("job one: done")
+        place.until("one", "done")
         assert "gathering clouds" not in worker.log  # it was finished before
         assert worker.end(signal.SIGINT) == 0
 
