@@ -25,6 +25,7 @@ from service.catalogue import (
 )
 from service.choosing import Choosing, Meant
 from service.comparing import Version, VersionComparison, compare_versions
+from service.dataset_cases import DatasetCases
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
@@ -109,6 +110,7 @@ class Application:
         self.settings = settings
         self.telemetry = telemetry or Telemetry()
         self.store = ModelStore(settings.store)
+        self.datasets = DatasetCases(self.store, settings)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         jobs = Jobs(settings.jobs_url)
@@ -117,7 +119,7 @@ class Application:
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
-        self.access = Gate(self.valid_keys if needs_keys(settings) else None)
+        self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
         self.telemetry.metrics.watch(self._state)
 
     @property
@@ -145,6 +147,7 @@ class Application:
         stimuli: bool = False,
         explain: bool = False,
         segments: bool = False,
+        max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
@@ -160,6 +163,7 @@ class Application:
             stimuli: whether the stimuli vector is part of the answer.
             explain: whether the answer says why it is what it is.
             segments: whether it says of each point of the cloud to which segment it belongs.
+            max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
 
         Raises:
@@ -170,7 +174,7 @@ class Application:
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            points = self._points(cloud)
+            points = self._points(cloud, max_points)
             response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
@@ -189,6 +193,7 @@ class Application:
         stimuli: bool = False,
         explain: bool = False,
         segments: bool = False,
+        max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
@@ -204,7 +209,7 @@ class Application:
         shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            sent = self._scene(scene)
+            sent = self._scene(scene, max_points)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -379,11 +384,11 @@ class Application:
         self._answers.forget()
         return version
 
-    def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
-        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud
+    def _points(self, cloud: CloudFile | PointCloud, max_points: int | None) -> PointCloud:
+        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points).cloud
 
-    def _scene(self, cloud: CloudFile | clouds.SceneCloud) -> clouds.SceneCloud:
-        limit = self.settings.max_points
+    def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
+        limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)
         if isinstance(cloud, clouds.SceneCloud):
             if len(cloud.cloud.points) > limit:
                 raise TooManyPoints(f"The cloud has {len(cloud.cloud.points)} points; at most {limit} are taken.")

@@ -10,6 +10,7 @@ import re
 
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter
+from service.labels import FILE as LABELS
 
 LONGEST = 240  # bytes of a part as the store has it: file systems take 255
 LONGEST_KEY = 600  # bytes of the whole: buckets take 1024
@@ -29,6 +30,8 @@ def check_key(key: str) -> str:
             f"A cloud cannot be called {quote(key)}: its key is a relative path of visible characters, such as "
             "kitchen/mug-7.ply, without empty parts, . and .. or backslashes."
         )
+    if parts[-1] == LABELS:
+        raise InvalidParameter(f"{LABELS} is no cloud: it is what holds the labels of clouds.")
     if max(map(len, map(_written, parts))) > LONGEST or len(path_of(key)) > LONGEST_KEY:
         raise InvalidParameter(
             f"The key {quote(key)} is too long: at most {LONGEST} letters a part and {LONGEST_KEY} in all, others than "

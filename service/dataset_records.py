@@ -41,10 +41,7 @@ class Entry(BaseModel):
 
     def pose(self) -> Viewpoint | None:
         """The sensor's pose, as the formats take it."""
-        if self.viewpoint is None:
-            return None
-        x, y, z, *turn = self.viewpoint
-        return Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]))
+        return pose_of(self.viewpoint)
 
 
 class DatasetSummary(BaseModel):
@@ -95,6 +92,19 @@ def digest_of(entries: Sequence[Entry]) -> str:
         json.dumps([entry.key, *_content(entry)]) + "\n" for entry in sorted(entries, key=lambda each: each.key)
     )
     return hashlib.sha256(said.encode()).hexdigest()
+
+
+def numbers_of(pose: Viewpoint | None) -> tuple[float, ...] | None:
+    """A pose as it is kept: x, y, z, qw, qx, qy, qz."""
+    return None if pose is None else (*pose.position, *pose.orientation)
+
+
+def pose_of(numbers: tuple[float, ...] | None) -> Viewpoint | None:
+    """The pose that was kept so."""
+    if numbers is None:
+        return None
+    x, y, z, *turn = numbers
+    return Viewpoint((x, y, z), (turn[0], turn[1], turn[2], turn[3]))
 
 
 def _content(entry: Entry) -> tuple[object, ...]:

@@ -24,7 +24,7 @@ from pydantic import ValidationError
 from service import clouds
 from service.clouds.formats import tell
 from service.dataset_keys import check_key, key_of, path_of
-from service.dataset_records import Dataset, DatasetSummary, Entry, Outcome, Verdict, digest_of, refusal
+from service.dataset_records import Dataset, DatasetSummary, Entry, Outcome, Verdict, digest_of, numbers_of, refusal
 from service.engine.cloud import normalise
 from service.engine.errors import (
     CloudExists,
@@ -199,18 +199,22 @@ class Datasets:
             ShapeConceptsError: the key cannot be one, or the cloud cannot be read or learnt from.
         """
         self.about(name)
-        entry = _validated(check_key(key), data, format, unit, viewpoint, max_points)
-        path = _cloud(name, key)
+        path = _cloud(name, check_key(key))
         there = self._entry(path)
-        if there is not None and there.is_same(entry):
-            outcome: Outcome = "already-there"
-        elif there is not None and not replace:
+        sent = (hashlib.sha256(data).hexdigest(), unit, numbers_of(viewpoint))
+        same = (
+            there is not None and (there.sha256, there.unit, there.viewpoint) == sent and format in (None, there.format)
+        )
+        if same and self._objects.find(_blob(sent[0])):
+            outcome: Outcome = "already-there"  # and was looked at when it came
+        elif there is not None and not same and not replace:
             raise _other(name, key)
         else:
+            entry = _validated(key, data, format, unit, viewpoint, max_points)
             outcome = self._write(name, path, entry, data, replace=there is not None)
         if label is not None:
             self.label(name, {key: label})
-        return Verdict(key=key, outcome=outcome, sha256=entry.sha256)
+        return Verdict(key=key, outcome=outcome, sha256=sent[0])
 
     def entries(self, name: str) -> list[Entry]:
         """All clouds of a dataset with their labels, by key.
@@ -291,9 +295,8 @@ class Datasets:
         """
         self.about(name)
         there = set(self.keys(name)) if len(labels) > 1 else {key for key in labels if self._is_there(name, key)}
-        for key, label in labels.items():
-            if key in there:
-                self._objects.put(_label(name, key), label.model_dump_json().encode())
+        taken = [(key, label) for key, label in labels.items() if key in there]
+        self._objects.put_each([(_label(name, key), label.model_dump_json().encode()) for key, label in taken])
         return [key for key in labels if key not in there]
 
     def labels(self, name: str) -> dict[str, Label]:
@@ -375,7 +378,7 @@ def _validated(
         format=format or "",
         points=len(cloud.points),
         unit=unit,
-        viewpoint=None if viewpoint is None else (*viewpoint.position, *viewpoint.orientation),
+        viewpoint=numbers_of(viewpoint),
         added=datetime.now(UTC).replace(microsecond=0),
     )
 

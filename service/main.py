@@ -9,6 +9,7 @@ import sys
 import threading
 from contextlib import AsyncExitStack
 from types import FrameType
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -22,7 +23,9 @@ from service.settings import Settings
 from service.telemetry import Telemetry
 from service.transports.grpc.server import serving as serving_grpc
 from service.transports.open_inference import rest as open_inference
+from service.transports.open_inference.description import describe_in
 from service.transports.open_inference.servicer import served as open_inference_served
+from service.transports.rest.access import without_need_of_keys
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 from service.transports.zenoh.server import serving as serving_zenoh
@@ -63,6 +66,13 @@ def http_app(application: Application) -> FastAPI:
     """All that is answered over HTTP; what one transport does around its answers is done around the other's."""
     app = create_app(application)
     app.router.routes.append(Route(open_inference.PATHS, open_inference.create_app(application)))
+    describe = app.openapi
+
+    def described() -> dict[str, Any]:
+        document = describe_in(describe())
+        return without_need_of_keys(document) if application.access.open else document
+
+    app.openapi = described  # type: ignore[method-assign] # as FastAPI's documentation has it
     return app
 
 

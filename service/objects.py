@@ -101,6 +101,12 @@ class Objects:
             while some := list(islice(waiting, 16 * AT_ONCE)):
                 yield from threads.map(get, some)
 
+    def put_each(self, objects: Sequence[tuple[str, bytes]]) -> None:
+        """Writes many small objects, several at a time, replacing what was there."""
+        with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="objects") as threads:
+            for _ in threads.map(lambda entry: self.put(*entry), objects):
+                pass
+
     def find(self, key: str) -> Found | None:
         """What there is of a key; None if there is nothing."""
         with self._reporting("read"):

@@ -111,15 +111,21 @@ def show_answer(file: str, answer: Answer) -> None:
 def show_keys(keys: Sequence[AccessKey], revoked: Collection[str]) -> None:
     """Prints access keys, without their secrets."""
     table = Table()
-    for heading in ("id", "name", "allows to", "requests a second", "at a time", "created", "state"):
+    for heading in ("id", "name", "allows to", "limits", "created", "state"):
         table.add_column(heading)
     for key in keys:
+        limits = {
+            "a second": key.rate,
+            "at a time": key.concurrency,
+            "bytes": key.max_body,
+            "points": key.max_points,
+            "clouds a batch": key.max_batch,
+        }
         table.add_row(
             key.id,
             escape(key.name),
             ", ".join(key.scopes),
-            "-" if key.rate is None else f"{key.rate:g}",
-            "-" if key.concurrency is None else str(key.concurrency),
+            ", ".join(f"{most:.12g} {what}" for what, most in limits.items() if most is not None) or "-",
             f"{key.created:%Y-%m-%d %H:%M} UTC",
             "revoked" if key.id in revoked else "valid",
         )

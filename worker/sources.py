@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from service import clouds
+from service.clouds.formats import CLOUD_ENDINGS
 from service.dataset_records import digest_of
 from service.datasets import Datasets
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from worker.learning.observations import NamedCloud
 from worker.simulation import SimulationParams, simulate
-
-BESIDE = {".csv", ".json", ".png"}  # tables, manifests and pictures stand beside clouds, though clouds may end so
 
 
 class Source(Protocol):
@@ -44,14 +43,15 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        endings = {ending for known in clouds.FORMATS.values() for ending in known.endings} - BESIDE
         if not path.is_dir():
             raise InvalidParameter(f"There is no folder {path}.")
-        found = (file for file in path.rglob("*") if file.suffix.lower() in endings and file.is_file())
+        found = (file for file in path.rglob("*") if file.suffix.lower() in CLOUD_ENDINGS and file.is_file())
         self.path, self.files = path, sorted(found, key=lambda file: file.relative_to(path).as_posix())
         self.refused: list[tuple[str, ShapeConceptsError]] = []
         if not self.files:
-            raise InvalidParameter(f"The folder {path} holds no cloud: no file ends in {', '.join(sorted(endings))}.")
+            raise InvalidParameter(
+                f"The folder {path} holds no cloud: no file ends in {', '.join(sorted(CLOUD_ENDINGS))}."
+            )
 
     @property
     def count(self) -> int:

@@ -1,4 +1,4 @@
-"""Grey pictures out of PNG; the only module of the service that imports Pillow.
+"""Grey pictures out of PNG and into it; the only module of the service that imports Pillow.
 
 A picture is decoded once its size is within the limit, whatever else it claims.
 """
@@ -16,6 +16,7 @@ from PIL import Image
 from service.clouds.claims import check_count, quote
 from service.engine.errors import UnreadableCloud
 
+MEDIA_TYPE = "image/png"
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _ONE_VALUE = (0, 3)  # colour types of one value a pixel: grey, and the numbers of a palette
 
@@ -60,3 +61,10 @@ def _open(data: bytes, size: tuple[int, int]) -> Image.Image:
     if picture.size != size:
         raise ValueError("two headers")
     return picture
+
+
+def write(image: NDArray[np.uint8]) -> bytes:
+    """A grey picture (rows, columns), 0 black, as PNG."""
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "PNG", optimize=True)
+    return file.getvalue()

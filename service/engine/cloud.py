@@ -109,8 +109,7 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
     centre, radius = _centre(points)
     _check_extent(2 * radius, params)
     _check_distance(float(np.linalg.norm(centre)), 2 * radius)
-    inside = np.linalg.norm(points - centre, axis=1) <= 1.5 * radius
-    points = points[inside]
+    points = points[_distances(points, centre) <= 1.5 * radius]
     if len(points) < params.min_points:
         raise TooFewPoints(
             f"The object has {len(points)} points beside scattered ones, fewer than the {params.min_points} needed. "
@@ -146,7 +145,9 @@ def _checked(cloud: PointCloud, params: CloudParams) -> NDArray[np.float64]:
         raise EmptyCloud(f"A cloud is an array of N x 3 coordinates; this one has the shape {points.shape}.")
     if len(points) == 0:
         raise EmptyCloud("The cloud holds no point. Send the points that the sensor measured of one object.")
-    points = points[np.isfinite(points).all(axis=1)]
+    finite = np.isfinite(points)
+    if not finite.all():
+        points = points[finite.all(axis=1)]
     if len(points) == 0:
         raise NoFinitePoints("Every point of the cloud is NaN or infinite: the sensor measured nothing there.")
     if len(points) < params.min_points:
@@ -159,7 +160,7 @@ def _checked(cloud: PointCloud, params: CloudParams) -> NDArray[np.float64]:
 
 def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The points without those beyond all proportion, which would coarsen the lattice; medians know no order."""
-    distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    distance = _distances(points, _medians(points))
     typical = np.median(distance)
     if typical == 0:
         raise DegenerateCloud(
@@ -172,24 +173,24 @@ def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _in_order(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Snaps points to a lattice of 2^21 steps over their bounds and sorts them, so that their order is forgotten."""
     low = points.min(axis=0)
-    step = np.ptp(points, axis=0).max() / (2**LATTICE_BITS - 1)
-    x, y, z = np.rint((points - low) / step).astype(np.int64).T
-    keys = np.sort((x << 2 * LATTICE_BITS) | (y << LATTICE_BITS) | z)
-    mask = 2**LATTICE_BITS - 1
-    lattice = np.stack([keys >> 2 * LATTICE_BITS, (keys >> LATTICE_BITS) & mask, keys & mask], axis=1)
-    return lattice * step + low
+    step = (points.max(axis=0) - low).max() / (2**LATTICE_BITS - 1)
+    return _of_keys(np.sort(_keys(points, low, step)), low, step)
 
 
 def _centre(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Trimmed mean (3,), and the radius about it that holds 98 % of the points that are not outliers."""
-    centre = np.median(points, axis=0)
+    centre = _medians(points)
     for _ in range(4):
-        distance = np.linalg.norm(points - centre, axis=1)
-        kept = distance <= TRIM * np.median(distance)
-        centre = points[kept].mean(axis=0)
-    distance = np.linalg.norm(points - centre, axis=1)
+        distance = _distances(points, centre)
+        centre = _mean_within(points, distance, TRIM * np.median(distance))
+    distance = _distances(points, centre)
     kept = distance <= TRIM * np.median(distance)
     return centre, float(np.quantile(distance[kept], 0.98))
+
+
+def _medians(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The median of each coordinate (3,)."""
+    return np.asarray(np.median(np.ascontiguousarray(points.T), axis=1))
 
 
 def _check_extent(extent: float, params: CloudParams) -> None:
@@ -240,18 +241,66 @@ def _voxel_sums(points: NDArray[np.float64], size: float) -> tuple[NDArray[np.fl
     """Sums of coordinates and counts (M, 4), and cells (M, 3), of the occupied voxels in the order of their keys."""
     cells = np.floor(points / size).astype(np.int32)
     low = cells.min(axis=0)
-    shape = cells.max(axis=0) - low + 1
-    keys = np.ravel_multi_index(tuple((cells - low).T), tuple(shape))
-    sums = _accumulate(points, keys, int(np.prod(shape)))
+    shape = (cells.max(axis=0) - low + 1).astype(np.int64)
+    sums = _accumulate(points, cells, low, shape)
     occupied = np.flatnonzero(sums[:, 3])
     return sums[occupied], np.stack(np.unravel_index(occupied, tuple(shape)), axis=1).astype(np.int32)
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(points: NDArray[np.float64], keys: NDArray[np.int64], size: int) -> NDArray[np.float64]:
-    sums = np.zeros((size, 4))
+def _accumulate(
+    points: NDArray[np.float64], cells: NDArray[np.int32], low: NDArray[np.int32], shape: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    sums = np.zeros((shape[0] * shape[1] * shape[2], 4))
+    for i in range(len(cells)):
+        key = ((cells[i, 0] - low[0]) * shape[1] + cells[i, 1] - low[1]) * shape[2] + cells[i, 2] - low[2]
+        for axis in range(3):
+            sums[key, axis] += points[i, axis]
+        sums[key, 3] += 1
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def _distances(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From each point (N, 3) to one (3,)."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        dx, dy, dz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+        out[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _mean_within(points: NDArray[np.float64], distance: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
+    """Mean (3,) of the points whose distance is within a limit."""
+    total = np.zeros(3)
+    count = 0
+    for i in range(len(points)):
+        if distance[i] <= limit:
+            count += 1
+            for axis in range(3):
+                total[axis] += points[i, axis]
+    return total / count
+
+
+@njit(cache=True, nogil=True)
+def _keys(points: NDArray[np.float64], low: NDArray[np.float64], step: float) -> NDArray[np.int64]:
+    """Places (N,) on a lattice, x before y before z."""
+    out = np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        key = 0
+        for axis in range(3):
+            key = (key << LATTICE_BITS) | int(np.rint((points[i, axis] - low[axis]) / step))
+        out[i] = key
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _of_keys(keys: NDArray[np.int64], low: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """The points (N, 3) of `_keys`."""
+    out = np.empty((len(keys), 3))
     for i in range(len(keys)):
         for axis in range(3):
-            sums[keys[i], axis] += points[i, axis]
-        sums[keys[i], 3] += 1
-    return sums
+            place = keys[i] >> (2 - axis) * LATTICE_BITS & (2**LATTICE_BITS - 1)
+            out[i, axis] = place * step + low[axis]
+    return out

@@ -5,6 +5,8 @@ Lin, "Divergence Measures Based on the Shannon Entropy", IEEE Trans. Information
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -12,14 +14,34 @@ from numpy.typing import NDArray
 LN2 = float(np.log(2.0))
 
 
-def jsd_matrix(queries: NDArray[np.float32], prototypes: NDArray[np.float32]) -> NDArray[np.float32]:
+class Distributions(NamedTuple):
+    """Distributions to be compared with many others, with what needs to be computed of them but once.
+
+    Attributes:
+        rows: (P, D) float32, contiguous; each sums to 1.
+        negentropy: (P,) float64: the sum of t ln t over each row.
+    """
+
+    rows: NDArray[np.float32]
+    negentropy: NDArray[np.float64]
+
+    def of(self, rows: NDArray[np.int64]) -> Distributions:
+        """Some of them."""
+        return Distributions(self.rows[rows], self.negentropy[rows])
+
+
+def distributions(rows: NDArray[np.float32]) -> Distributions:
+    """Rows (P, D) that each sum to 1."""
+    return Distributions(np.ascontiguousarray(rows), _sum_t_log_t(rows))
+
+
+def jsd_matrix(queries: NDArray[np.float32], others: Distributions) -> NDArray[np.float32]:
     """Jensen-Shannon divergence in nats, to about 1e-6, of every two rows that each sum to 1; (C, P) float32.
 
     JSD(p, q) = H((p + q) / 2) - H(p) / 2 - H(q) / 2 = ln 2 + sum [x(p) + x(q) - x(p + q)] / 2 with x(t) = t ln t, so
     that one logarithm a bin is left for each pair.
     """
-    queries, prototypes = np.ascontiguousarray(queries), np.ascontiguousarray(prototypes)
-    return _jsd_matrix(queries, prototypes, _sum_t_log_t(queries), _sum_t_log_t(prototypes))
+    return _jsd_matrix(np.ascontiguousarray(queries), others.rows, _sum_t_log_t(queries), others.negentropy)
 
 
 @njit(cache=True, nogil=True)

@@ -55,6 +55,10 @@ class NoSupportingPlane(InvalidCloud):
     """The scene has no plane on which objects could stand."""
 
 
+class ContentTooLarge(ShapeConceptsError):
+    """The body of the request, its message or its payload, is larger than the limit, or holds more clouds."""
+
+
 class UnreadableCloud(ShapeConceptsError):
     """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
 
@@ -172,7 +176,15 @@ class KeyNotFound(ShapeConceptsError):
 
 
 class RateExceeded(ShapeConceptsError):
-    """The access key's requests are too many, a second or at a time; try again later."""
+    """The access key's requests are too many, a second or at a time; try again later.
+
+    Attributes:
+        after: seconds after which it may.
+    """
+
+    def __init__(self, message: str = "", after: float = 0) -> None:
+        super().__init__(message)
+        self.after = after
 
 
 class Overloaded(ShapeConceptsError):

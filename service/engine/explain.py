@@ -239,7 +239,7 @@ def _most_alike(
     """The training objects of the motif prototypes, of those given, that are most like a description (D,)."""
     divergences = np.full(len(prototypes.cloud_keys), np.inf, np.float32)
     owners = ensemble.objects[memories]
-    np.minimum.at(divergences, owners, jsd_matrix(descriptor[None], ensemble.prototypes[memories])[0])
+    np.minimum.at(divergences, owners, jsd_matrix(descriptor[None], ensemble.distributions.of(memories))[0])
     return _nearest(divergences, np.unique(owners), prototypes)
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
+from service.engine.divergence import Distributions, distributions
 from service.engine.params import HierarchyParams
 from service.engine.segments import SegmentGraph
 
@@ -76,6 +78,20 @@ class Hierarchy:
         return {motif: v for v, motif in enumerate(self.vertices)}
 
 
+class Memories(NamedTuple):
+    """What the motif vertices of one rank memorise.
+
+    Attributes:
+        vertices: (W,) int64: the vertices, among all of the ensemble.
+        prototypes: the Q motif prototypes of these vertices.
+        mean_over_vertex: (Q, W) sparse, as that of the ensemble.
+    """
+
+    vertices: NDArray[np.int64]
+    prototypes: Distributions
+    mean_over_vertex: csr_array
+
+
 @dataclass(frozen=True)
 class Ensemble:
     """The shape motif hierarchy ensemble HE: one hierarchy a description level, over shared motif prototypes.
@@ -110,11 +126,28 @@ class Ensemble:
         return np.where(level == 1, Rank.SEGMENT, above).astype(np.int64)
 
     @cached_property
+    def distributions(self) -> Distributions:
+        """The motif prototypes, to be compared with."""
+        return distributions(self.prototypes)
+
+    @cached_property
     def mean_over_vertex(self) -> csr_array:
         """(P, V) sparse: a row of kernel values times this is the mean over each vertex's prototypes (Eq. 1)."""
         members = csr_array(vstack([h.prototypes for h in self.hierarchies], format="csr"))
         mean = csr_array(members.multiply(1.0 / np.diff(members.indptr)[:, None]))
         return csr_array(mean.T.tocsr())
+
+    @cached_property
+    def memories(self) -> dict[Rank, Memories]:
+        """What the vertices of each rank that there is memorise."""
+        found = {}
+        for rank in Rank:
+            vertices = np.flatnonzero(self.vertex_ranks == rank)
+            mean = csr_array(self.mean_over_vertex[:, vertices])
+            used = np.flatnonzero(np.diff(mean.indptr))
+            if len(vertices):
+                found[rank] = Memories(vertices, distributions(self.prototypes[used]), csr_array(mean[used]))
+        return found
 
 
 def propagate(graph: SegmentGraph, params: HierarchyParams) -> Constellations:

@@ -48,4 +48,4 @@ def divergences_from(whole: NDArray[np.float32], ensemble: Ensemble, scale: Nove
     Wholes tell what is novel: the parts of a wire cage or of a table full of things resemble learned ones well enough,
     and stimuli, normalised as they are compared, forget how weak they were.
     """
-    return jsd_matrix(whole[None], ensemble.prototypes[scale.wholes])[0]
+    return jsd_matrix(whole[None], ensemble.distributions.of(scale.wholes))[0]

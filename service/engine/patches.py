@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from service.engine.cloud import VoxelCloud
-from service.engine.neighbours import Neighbourhood, neighbourhood, touching
+from service.engine.neighbours import Neighbourhood, connected_parts, neighbourhood, touching
 from service.engine.params import PatchParams
 
 FLATTEST = 4.0  # power with which flat neighbourhoods outvote those that straddle a crease
@@ -110,16 +110,21 @@ def _covariances(
     points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     out = np.zeros((len(points), 3, 3))
+    mean, away = np.empty(3), np.empty(3)
     for i in range(len(points)):
-        near = points[indices[indptr[i] : indptr[i + 1]]]
-        mean = np.zeros(3)
-        for p in near:
-            mean += p
-        mean /= len(near)
-        for p in near:
+        near = indices[indptr[i] : indptr[i + 1]]
+        mean[:] = 0.0
+        for k in near:
+            for a in range(3):
+                mean[a] += points[k, a]
+        for a in range(3):
+            mean[a] /= len(near)
+        for k in near:
+            for a in range(3):
+                away[a] = points[k, a] - mean[a]
             for a in range(3):
                 for b in range(a + 1):
-                    out[i, a, b] += (p[a] - mean[a]) * (p[b] - mean[b])
+                    out[i, a, b] += away[a] * away[b]
         for a in range(3):
             for b in range(a):
                 out[i, b, a] = out[i, a, b]
@@ -161,27 +166,54 @@ def _grow(
     centres, directions = points[seeds].copy(), normals[seeds].copy()
     starts = seeds.copy()
     labels = np.full(len(points), -1, np.int64)
+    distance = np.empty(len(points))
     for _ in range(iterations):
-        labels[:] = -1
-        distance = np.full(len(points), np.inf)
-        labels[starts] = np.arange(len(starts))
-        distance[starts] = 0.0
-        for _ in range(FLOW):
-            before = labels.copy()
-            for i in range(len(points)):
-                for k in indices[indptr[i] : indptr[i + 1]]:
-                    label = before[k]
-                    if label < 0 or label == labels[i]:
-                        continue
-                    bend = 1.0 - abs(_dot(normals[i], directions[label]))
-                    d = normal_weight * bend + spatial_weight * np.sqrt(_squared(points[i], centres[label])) / seed
-                    if d < distance[i]:
-                        distance[i], labels[i] = d, label
-            if (before == labels).all():
-                break
+        _flow(
+            points, normals, indptr, indices, starts, centres, directions, normal_weight, spatial_weight / seed, labels,
+            distance,
+        )  # fmt: skip
         _recentre(points, normals, labels, centres, directions)
         _restart(points, labels, centres, starts, TIE * seed**2)
-    return _separate(labels, indptr, indices)
+    return connected_parts(labels, indptr, indices)
+
+
+@njit(cache=True, nogil=True)
+def _flow(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    indptr: NDArray[np.int64],
+    indices: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    centres: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    normal_weight: float,
+    spatial_weight: float,
+    labels: NDArray[np.int64],
+    distance: NDArray[np.float64],
+) -> None:
+    """Labels voxels (M,), in place, ring after ring from the starts; each ring asks those that the last one changed."""
+    labels[:] = -1
+    distance[:] = np.inf
+    labels[starts] = np.arange(len(starts))
+    distance[starts] = 0.0
+    changed = np.zeros(len(points), np.bool_)
+    changed[starts] = True
+    front = np.sort(starts)
+    for _ in range(FLOW):
+        if len(front) == 0:
+            break
+        before = labels[front]
+        changed[front] = False
+        for f in range(len(front)):
+            label = before[f]
+            for i in indices[indptr[front[f]] : indptr[front[f] + 1]]:
+                if label == labels[i]:
+                    continue
+                bend = 1.0 - abs(_dot(normals[i], directions[label]))
+                d = normal_weight * bend + spatial_weight * np.sqrt(_squared(points[i], centres[label]))
+                if d < distance[i]:
+                    distance[i], labels[i], changed[i] = d, label, True
+        front = np.flatnonzero(changed)
 
 
 @njit(cache=True, nogil=True)
@@ -234,24 +266,3 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Squared distance."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
-
-
-@njit(cache=True, nogil=True)
-def _separate(labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Gives every connected part of the voxels that bear one label a label of its own, counted from 0."""
-    out = np.full(len(labels), -1, np.int64)
-    stack = np.empty(len(labels), np.int64)
-    count = 0
-    for i in range(len(labels)):
-        if out[i] >= 0:
-            continue
-        out[i], stack[0], top = count, i, 1
-        while top > 0:
-            top -= 1
-            v = stack[top]
-            for k in indices[indptr[v] : indptr[v + 1]]:
-                if out[k] < 0 and labels[k] == labels[i]:
-                    out[k], stack[top] = count, k
-                    top += 1
-        count += 1
-    return out

@@ -9,13 +9,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from service.engine.cloud import Frame
-from service.engine.neighbours import neighbourhood
+from service.engine.neighbours import Neighbourhood, neighbourhood
 from service.engine.params import SegmentParams
 from service.engine.patches import Patches
 
-BAND = 2.5  # voxels on either side of a border whose normals speak for that side
+BAND = 2.5  # voxels: the normals within speak for their side of a border, and returns may be missing between segments
 MOST_CURVED = np.radians(15)  # a patch that bends more may straddle a crease
-GAP = 2.5  # voxels that missing returns may put between two segments of one surface
 
 
 @dataclass(frozen=True)
@@ -56,28 +55,29 @@ def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
     over its whole border, so that one blurred spot does not weld the two sides of a crease.
     """
     points = patches.cloud.points
-    slack, length = _borders(patches)
+    near = neighbourhood(points, BAND * patches.cloud.size)
+    slack, length = _borders(patches, near)
     size = np.bincount(patches.labels, minlength=patches.count).astype(np.float64)
     least = params.min_share * len(points)
     merged = _merge(slack, length, size, -np.radians(params.angle), least, params.max_segments)
     labels = _by_size(merged[patches.labels])
+    share = np.bincount(labels) / len(points)
     return SegmentGraph(
         points=points,
         normals=patches.normals,
         labels=labels,
-        share=np.bincount(labels) / len(points),
-        edges=_adjacent_segments(points, labels, GAP * patches.cloud.size),
+        share=share,
+        edges=_adjacent_segments(labels, len(share), near),
         voxel=patches.cloud.size,
         frame=patches.cloud.frame,
     )
 
 
-def _borders(patches: Patches) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _borders(patches: Patches, near: Neighbourhood) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Summed slack, radians (P, P), and numbers of touching voxel pairs (P, P), of every two patches.
 
     The slack of a pair is what its patches bend in themselves less what the border bends: negative at a crease.
     """
-    near = neighbourhood(patches.cloud.points, BAND * patches.cloud.size)
     sides = _side_normals(patches.normals, patches.labels, near.indptr, near.indices)
     touch = patches.adjacent
     across = patches.labels[touch.rows] != patches.labels[touch.indices]
@@ -108,11 +108,21 @@ def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     return rank[inverse]
 
 
-def _adjacent_segments(points: NDArray[np.float64], labels: NDArray[np.int64], gap: float) -> NDArray[np.int64]:
-    near = neighbourhood(points, gap)
-    rows, columns = labels[near.rows], labels[near.indices]
-    pairs = np.stack([rows, columns], axis=1)[rows < columns]
-    return np.unique(pairs, axis=0).reshape(-1, 2)
+def _adjacent_segments(labels: NDArray[np.int64], count: int, near: Neighbourhood) -> NDArray[np.int64]:
+    meeting = _meeting(labels, count, near.indptr, near.indices)
+    return np.argwhere(np.triu(meeting, 1))
+
+
+@njit(cache=True, nogil=True)
+def _meeting(
+    labels: NDArray[np.int64], count: int, indptr: NDArray[np.int64], indices: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which segments have points near one another (S, S)."""
+    out = np.zeros((count, count), np.bool_)
+    for i in range(len(labels)):
+        for k in indices[indptr[i] : indptr[i + 1]]:
+            out[labels[i], labels[k]] = True
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +136,9 @@ def _side_normals(
             if labels[k] == labels[i]:
                 for axis in range(3):
                     out[i, axis] += normals[k, axis]
-        out[i] /= max(np.sqrt((out[i] ** 2).sum()), 1e-12)
+        length = max(np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2), 1e-12)
+        for axis in range(3):
+            out[i, axis] /= length
     return out
 
 

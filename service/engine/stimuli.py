@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.divergence import jsd_matrix
+from service.engine.divergence import Distributions, jsd_matrix
 from service.engine.motifs import Constellations, Ensemble, Rank
 from service.engine.params import StimuliParams
 
@@ -65,12 +65,14 @@ def excite(
     params: StimuliParams,
 ) -> Excitation:
     """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`."""
-    kernel = gaussian_of_jsd(descriptors, ensemble.prototypes, params.sigma)
-    alpha = kernel @ ensemble.mean_over_vertex  # (C, V): the mean over T^v of each constellation's kernel values
     weights = constellations.coverage**params.coverage_power
     active = _activated(ensemble, constellations, words, params)
-    if active is not None:
-        alpha[~active] = 0.0
+    if params.gating == "rank":
+        alpha = _excite_by_rank(ensemble, constellations, descriptors, params.sigma)
+    else:
+        alpha = gaussian_of_jsd(descriptors, ensemble.distributions, params.sigma) @ ensemble.mean_over_vertex
+        if active is not None:
+            alpha[~active] = 0.0
     return Excitation(alpha * weights[:, None], active, weights)
 
 
@@ -87,9 +89,22 @@ def accumulate(excitation: Excitation, ensemble: Ensemble, params: StimuliParams
     return Stimuli(index, gamma[index])
 
 
-def gaussian_of_jsd(queries: NDArray[np.float32], prototypes: NDArray[np.float32], sigma: float) -> NDArray[np.float64]:
-    """exp(-JSD^2 / (2 sigma^2)) of every query with every prototype, (C, P); the JSD to about 1e-6 nats."""
+def gaussian_of_jsd(queries: NDArray[np.float32], prototypes: Distributions, sigma: float) -> NDArray[np.float64]:
+    """exp(-JSD^2 / (2 sigma^2)) of every query with each of P prototypes, (C, P); the JSD to about 1e-6 nats."""
     return np.exp(-(jsd_matrix(queries, prototypes).astype(np.float64) ** 2) / (2 * sigma**2))
+
+
+def _excite_by_rank(
+    ensemble: Ensemble, constellations: Constellations, descriptors: NDArray[np.float32], sigma: float
+) -> NDArray[np.float64]:
+    """The mean over T^v of each constellation's kernel values (C, V), 0 for vertices of ranks that it is not of."""
+    alpha = np.zeros((len(descriptors), ensemble.vertex_count))
+    of_rank = _of_rank(constellations, int(ensemble.vertex_levels.max()))
+    for rank, memories in ensemble.memories.items():
+        own = np.flatnonzero(of_rank[:, rank])
+        kernel = gaussian_of_jsd(descriptors[own], memories.prototypes, sigma)
+        alpha[np.ix_(own, memories.vertices)] = kernel @ memories.mean_over_vertex
+    return alpha
 
 
 def _activated(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import NamedTuple
@@ -11,7 +12,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import Message
 
-from service.engine.errors import Cancelled
+from service.access import Caller
+from service.engine.errors import Cancelled, ContentTooLarge
 from service.settings import Settings
 
 
@@ -29,9 +31,9 @@ class Limits(NamedTuple):
     pause: float
 
 
-def limits_of(settings: Settings) -> Limits:
-    """What the settings allow."""
-    return Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+def limits_of(settings: Settings, caller: Caller) -> Limits:
+    """What the settings allow to a caller."""
+    return Limits(caller.max_body, settings.body_timeout, settings.body_pause)
 
 
 @asynccontextmanager
@@ -45,7 +47,8 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
 
     Raises:
         Cancelled: the client hung up.
-        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+        ContentTooLarge: the body is larger than the limit.
+        HTTPException: 408, it did not arrive in time.
     """
     _check_announced(request, limits.max_bytes)
     try:
@@ -57,15 +60,26 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
         raise Cancelled("The client hung up before its request had arrived.") from None
 
 
+async def whole(request: Request) -> bytes:
+    """The body of a request that `arriving` yields.
+
+    It grows where it is to stay: to join a hundred megabytes in the end would keep the event loop from everybody else.
+    """
+    body = io.BytesIO()
+    async for piece in request.stream():
+        body.write(piece)
+    return body.getvalue()
+
+
 def _check_announced(request: Request, max_bytes: int) -> None:
     announced = request.headers.get("content-length", "")
     if announced.isdecimal() and int(announced) > max_bytes:
         raise _too_large(max_bytes)
 
 
-def _too_large(max_bytes: int) -> HTTPException:
-    return HTTPException(
-        413, f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
+def _too_large(max_bytes: int) -> ContentTooLarge:
+    return ContentTooLarge(
+        f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
     )
 
 

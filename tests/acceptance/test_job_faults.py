@@ -207,6 +207,44 @@ def test_a_job_that_takes_too_long_fails_and_has_as_long_again_when_retried(plac
     assert "3 s" in failed.error.detail
 
 
+def children(parent: int) -> list[int]:
+    """Processes that a process has started."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.append(int(stat.parent.name))
+    return found
+
+
+@pytest.mark.slow
+def test_a_step_that_is_killed_for_want_of_memory_is_tried_again(place: Place) -> None:
+    place.submit("one", "--simulate", "60", "--name", "toys")
+    with place.worker("worker") as worker:
+        worker.wait_for("job one: gathering clouds")
+        steps = [step for server in children(worker.process.pid) for step in children(server)]
+        assert len(steps) == 1
+        os.kill(steps[0], signal.SIGKILL)
+        place.until("one", "done")
+    assert any("SIGKILL" in line and "tried 1 of 5 times" in line for line in place.told("one"))
+    assert place.store.versions("toys") == [1]
+
+
+@pytest.mark.slow
+def test_a_service_that_ends_lets_those_who_follow_a_job_go(place: Place) -> None:
+    port, seen = free_port(), list[tuple[int, str]]()
+    place.submit("one")
+    place.queue.note("one", "a line")
+    with place.api(port) as api, ThreadPoolExecutor(1) as threads:
+        following = threads.submit(followed, port, "one", seen)
+        wait_until(lambda: bool(seen), "a line of the log")
+        told = time.monotonic()
+        api.terminate()
+        assert following.result() is False
+        assert api.wait(PATIENCE) == 0
+        assert time.monotonic() - told < 10
+
+
 @pytest.mark.slow
 def test_a_worker_that_was_only_paused_gives_up_what_another_has_taken_over(place: Place) -> None:
     with place.worker("a", "a") as a, place.worker("b", "b") as b:

@@ -50,6 +50,8 @@ def test_a_job_broken_off_again_and_again_publishes_one_version(place: Place) ->
         "clouds": 6,
         "left_out": 0,
     }
+    again = place.ask("retry", "one")
+    assert (again.returncode, "is done" in again.stderr) == (1, True)
     assert place.store.versions("toys") == [1]
     assert place.store.resolve("toys") == ("toys", 1)
     assert not list((place.folder / "store").glob("jobs/**/*.*"))

@@ -85,6 +85,29 @@ def test_health_answers_at_once_and_too_many_are_refused_at_once(
     assert median < REFUSED  # though dozens are asked in the same moment: an answer would have them wait for seconds
 
 
+def test_health_answers_beside_the_largest_bodies(
+    served: tuple[subprocess.Popen[bytes], httpx.Client], tmp_path: Path
+) -> None:
+    _, client = served
+    busy = os.getloadavg()[0] > (os.cpu_count() or 1)
+    points = np.random.default_rng(1).uniform(0.1, 0.2, (1_500_000, 3))
+    (tmp_path / "large.json").write_text(json.dumps(points.tolist()))
+    seconds = str(BEGINNING + TIMES * WATCHED)
+    port, file = str(client.base_url.port), str(tmp_path / "large.json")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.acceptance.crowd", port, "3", seconds, file], cwd=ROOT, stdout=subprocess.PIPE
+    ) as crowd:
+        time.sleep(BEGINNING)
+        worst = [max(watch_health(client.base_url.port or 0)) for _ in range(TIMES)]
+        statuses = json.loads(crowd.communicate(timeout=120)[0])["statuses"]
+    found = f"{statuses}; health: worst {', '.join(f'{longest * 1000:.0f}' for longest in worst)} ms"
+    print(f"\n{found}")
+    assert set(statuses) == {"200"}
+    if busy and min(worst) >= HEALTHY:
+        pytest.skip(f"the processors were busy with something else before: {found}")
+    assert min(worst) < HEALTHY
+
+
 def watch_health(port: int) -> list[float]:
     """Seconds that each of many requests for health took."""
     took = []

@@ -1,14 +1,17 @@
-"""Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives, `... scenes` whole scenes."""
+"""Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives,
+`... scenes` whole scenes, `... soak` minutes of load."""
 
 from __future__ import annotations
 
 import sys
 
-from tests.benchmarks import answer, quality, scenes
+from tests.benchmarks import answer, quality, scenes, soak
 
 if sys.argv[1:2] == ["quality"]:
     quality.main(sys.argv[2:])
 elif sys.argv[1:2] == ["scenes"]:
     scenes.main()
+elif sys.argv[1:2] == ["soak"]:
+    soak.main(sys.argv[2:])
 else:
     answer.main()

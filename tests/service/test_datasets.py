@@ -278,6 +278,8 @@ def test_what_was_altered_in_the_store_is_told(local: Datasets) -> None:
     blob.unlink()
     with pytest.raises(DatasetDamaged, match="missing"):
         local.read("mugs", "a.ply")
+    assert local.add("mugs", "a.ply", ply(1)).outcome == "replaced"  # sent again, it is whole again
+    assert local.read("mugs", "a.ply") == ply(1)
     entry = folder / "sets" / "mugs" / "clouds" / "a.ply=.json"
     for content in (b"", b"{}", (entry.parent / "b.ply=.json").read_bytes()):
         entry.write_bytes(content)

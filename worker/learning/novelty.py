@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.engine.divergence import jsd_matrix
+from service.engine.divergence import distributions, jsd_matrix
 from service.engine.motifs import Ensemble
 from service.engine.novelty import NoveltyScale, whole_of
 from worker.learning.observations import Observation
@@ -24,11 +24,11 @@ def learn_novelty(objects: Sequence[Observation], ensemble: Ensemble) -> Novelty
     sizes = [len(o.descriptors) for o in objects]
     first = np.cumsum([0, *sizes[:-1]], dtype=np.int64)
     wholes = first + np.array([whole_of(o.constellations) for o in objects], dtype=np.int64)
-    descriptors = ensemble.prototypes[wholes]
+    others = distributions(ensemble.prototypes[wholes])
     nearest = np.empty(len(objects), np.float32)
     for start in range(0, len(objects), ROWS):
         own = np.arange(start, min(start + ROWS, len(objects)))
-        divergence = jsd_matrix(descriptors[own], descriptors)
+        divergence = jsd_matrix(others.rows[own], others)
         divergence[own - start, own] = np.inf
         nearest[own] = divergence.min(axis=1)
     return NoveltyScale(wholes, np.sort(nearest))

@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 import grpc
 from google.protobuf.message import DecodeError
 
-from service.access import Gate
-from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
+from service.access import Caller, Gate
+from service.engine.errors import Cancelled, ContentTooLarge, InvalidParameter, Overloaded, ShapeConceptsError
 from service.scopes import Scope
 from service.telemetry import Telemetry, Wire
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
+from service.transports.served import asking
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +44,7 @@ class Refusal(Exception):
 
 
 LATE = errors.Status(408, "DEADLINE_EXCEEDED", "The request took too long to arrive")
-ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=True)
+ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=errors.RETRY_AFTER)
 
 
 class _Problem(NamedTuple):
@@ -122,7 +123,8 @@ class Guard(grpc.aio.ServerInterceptor):
         with self._telemetry.request(wire, request_id, method, carrier) as seen:
             try:
                 with self._entered():
-                    async with self._let_in(method, _key_of(context)):  # before anything of a message is received
+                    async with self._let_in(method, _key_of(context)) as caller:  # before any message is received
+                        asking.set(caller)
                         await self._behave(handler, context)
             except Exception as error:
                 seen.failed(error.kind if isinstance(error, Refusal) else error)
@@ -148,23 +150,23 @@ class Guard(grpc.aio.ServerInterceptor):
                 self._none_open.set()
 
     @asynccontextmanager
-    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[None]:
+    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[Caller]:
         """Asks the gate; on a thread where it may have to ask the store."""
         if method in self._unlocked:
-            yield
+            yield self._gate.anybody
             return
         with ExitStack() as stack:
             entered = self._gate.entered(key, *self._scopes.get(method, ANSWER))
             if self._gate.open:
-                stack.enter_context(entered)
+                caller = stack.enter_context(entered)
             else:
                 entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
                 try:
-                    await asyncio.shield(entering)
+                    caller = await asyncio.shield(entering)
                 except asyncio.CancelledError:
                     await asyncio.gather(entering, return_exceptions=True)
                     raise
-            yield
+            yield caller
 
     async def _behave(self, handler: Any, context: Any) -> None:
         if handler.request_streaming:
@@ -192,6 +194,7 @@ class Guard(grpc.aio.ServerInterceptor):
 
         Raises:
             InvalidParameter: bytes that are no such message.
+            ContentTooLarge: more of them than the caller may send; gRPC itself refuses what the service does not take.
             Refusal: nothing came in time.
         """
         reading = asyncio.ensure_future(context.read())
@@ -207,6 +210,11 @@ class Guard(grpc.aio.ServerInterceptor):
         finally:
             ending.cancel()
             reading.cancel()
+        if len(received) > (limit := asking.get().max_body):
+            raise ContentTooLarge(
+                f"The message of {len(received)} bytes is larger than the {limit} that are taken. Send fewer points, "
+                "or fewer clouds at a time."
+            )
         try:
             return handler.request_deserializer(received)
         except DecodeError as error:

@@ -11,6 +11,8 @@ from service.application import Application
 from service.transports.rest import (
     access,
     batches,
+    dataset_uploads,
+    datasets,
     health,
     jobs,
     models,
@@ -46,8 +48,10 @@ def create_app(application: Application) -> FastAPI:
         (batches, access.needing(application, "answer")),
         (models, access.reading(application, otherwise="manage")),
         (names, access.reading(application, otherwise="manage")),
-        (jobs, access.reading(application, "answer", "train", otherwise="train")),
-        (schedules, access.reading(application, "answer", "train", otherwise="train")),
+        (datasets, access.reading(application, otherwise="train", readers=("answer", "train"))),
+        (dataset_uploads, access.reading(application, otherwise="train", readers=("answer", "train"))),
+        (jobs, access.reading(application, otherwise="train", readers=("answer", "train"))),
+        (schedules, access.reading(application, otherwise="train", readers=("answer", "train"))),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

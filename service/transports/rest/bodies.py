@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 from service.clouds import by_media_type
 from service.clouds.claims import quote
 from service.engine.errors import UnreadableCloud
-from service.transports.arriving import Limits, arriving
+from service.transports.arriving import Limits, arriving, whole
 
 FIELD = "cloud"
 MASK = "mask"
@@ -47,7 +47,8 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
         UnsupportedFormat: the media type is not that of a cloud.
         UnreadableCloud: the form is malformed, has no such field, or other files.
         Cancelled: the client hung up.
-        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+        ContentTooLarge: the body is larger than the limit.
+        HTTPException: 408, it did not arrive in time.
     """
     media_type = request.headers.get("content-type", "")
     form = media_type.partition(";")[0].strip().lower() == "multipart/form-data"
@@ -55,7 +56,7 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
     async with arriving(request, limits, take) as limited:
         if form:
             return await _from_form(limited)
-        return Received(await limited.body(), format)
+        return Received(await whole(limited), format)
 
 
 async def _from_form(request: Request) -> Received:

@@ -24,6 +24,7 @@ from service.training import Training
 from service.transports.arriving import limits_of
 from service.transports.following import follow
 from service.transports.rest import caching, job_examples
+from service.transports.rest.access import caller_of
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import known_only
@@ -82,7 +83,7 @@ class _Events(StreamingResponse):
 def router(application: Application) -> APIRouter:
     """The operations, for an application."""
     routes = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=[Depends(known_only)])
-    training, limits = application.training, limits_of(application.settings)
+    training, settings = application.training, application.settings
 
     @routes.post(
         "",
@@ -115,7 +116,7 @@ def router(application: Application) -> APIRouter:
     ) -> Job:
         """Puts a job into the queue; a worker takes it, and its state, progress and result can be asked for."""
         with application.intake.opened() as take:
-            given = await receive_json(request, limits, take, Submission)
+            given = await receive_json(request, limits_of(settings, caller_of(request)), take, Submission)
         key = None if idempotency_key is None else idempotency_key.strip('"')
         job = await run_in_threadpool(training.submit, given.root, key)
         response.headers["Location"] = f"/v1/jobs/{job.id}"

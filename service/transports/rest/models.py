@@ -9,10 +9,10 @@ from pydantic import BaseModel, Field
 
 from service.application import Application, ModelSummary
 from service.catalogue import AnnexationGraph, Barcode, ConceptList, Tree
+from service.clouds import png
 from service.comparing import VersionComparison
 from service.engine.errors import ModelNotFound
 from service.model_file import NAME, Manifest
-from service.pictures import MEDIA_TYPE, png
 from service.store import PRODUCTION
 from service.transports.rest import caching, examples, model_examples
 from service.transports.rest.caching import CHECKED, LASTING, IfNoneMatch, tag_of, tagged, tagged_by_content
@@ -134,12 +134,14 @@ def router(application: Application) -> APIRouter:
         "/{name}/versions/{version}/objects/{number}.png",
         summary="What does a training object look like?",
         response_class=Response,
-        responses={**documented({}, 404, 422, 500, 503), 200: {"content": {MEDIA_TYPE: {}}}},
+        responses={**documented({}, 404, 422, 500, 503), 200: {"content": {png.MEDIA_TYPE: {}}}},
     )
     def thumbnail(name: Name, version: Version, number: Number) -> Response:
         """A training object as the sensor saw it, 48 x 48 pixels: explanations name it by its number."""
         headers = {"Cache-Control": LASTING}
-        return Response(png(application.thumbnail(name, version, number)), headers=headers, media_type=MEDIA_TYPE)
+        return Response(
+            png.write(application.thumbnail(name, version, number)), headers=headers, media_type=png.MEDIA_TYPE
+        )
 
     @routes.get(
         "/{name}/versions/{version}/compare",

@@ -16,6 +16,7 @@ from service.names import LONGEST, check_concept_name
 from service.proposals import Proposal
 from service.transports.arriving import limits_of
 from service.transports.rest import caching, model_examples
+from service.transports.rest.access import caller_of
 from service.transports.rest.batches import Item, answer_each, parse_frame
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import Problem, documented
@@ -121,7 +122,6 @@ def router(application: Application) -> APIRouter:
     """The operations, for an application."""
     routes = APIRouter(prefix="/v1/models", tags=["names"], dependencies=[Depends(known_only)])
     settings = application.settings
-    limits = limits_of(settings)
 
     @routes.get(
         "/{model}/names",
@@ -167,7 +167,7 @@ def router(application: Application) -> APIRouter:
     async def rename(request: Request, model: Reference, concept: ConceptId) -> ConceptName:
         """Every replica tells it within seconds. Two concepts may have the same name."""
         with application.intake.opened() as take:
-            given = await receive_json(request, limits, take, GivenName)
+            given = await receive_json(request, limits_of(settings, caller_of(request)), take, GivenName)
         return await run_in_threadpool(_rename, application, model, concept, given.name)
 
     @routes.delete(
@@ -213,12 +213,17 @@ def router(application: Application) -> APIRouter:
         tie, none is proposed.
         """
         frame = parse_frame(unit, viewpoint)
+        caller = caller_of(request)
         with application.intake.opened() as take:
-            uploads = await receive_clouds(request, limits, take, settings.max_batch, labelled=True)
+            limits = limits_of(settings, caller)
+            uploads = await receive_clouds(request, limits, take, caller.max_batch, labelled=True)
             labels = [check_concept_name(upload.label) for upload in uploads]
             with application.pool.admitted():
+                caller.spend(len(uploads))
                 name, version = await application.pool.run(application.prepare, model)
-                respond = partial(application.respond, model=name, version=version, time=time, top=1)
+                respond = partial(
+                    application.respond, model=name, version=version, time=time, top=1, max_points=caller.max_points
+                )
                 attempt = partial(answer_each, respond, frame, request.state.id)
                 items: list[Item] = await application.pool.run_each(attempt, uploads, request.is_disconnected)
         told = list(zip(labels, items, strict=True))

@@ -106,8 +106,8 @@ def _read_examples(paths: dict[str, Any]) -> None:
     for operations in paths.values():
         for operation in operations.values():
             for answer in operation["responses"].values():
-                for content in answer.get("content", {}).values():
-                    if isinstance(content.get("example"), str):
+                for media_type, content in answer.get("content", {}).items():
+                    if media_type == "application/json" and isinstance(content.get("example"), str):
                         content["example"] = json.loads(content["example"])
 
 
@@ -164,7 +164,7 @@ async def _ours(request: Request, error: Exception) -> Response:
         log.error("%s %s: %s: %s", request.state.id, _quoted(request.url.path), error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", request.state.id, _quoted(request.url.path), error)
-    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    headers = {"Retry-After": str(status.retry)} if status.retry else {}
     return _answer(document, headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {}))
 
 

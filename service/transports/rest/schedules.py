@@ -16,6 +16,7 @@ from service.model_file import NAME
 from service.schedules import LONGEST_NAME, Schedule
 from service.transports.arriving import limits_of
 from service.transports.rest import caching
+from service.transports.rest.access import caller_of
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import documented, refused
 from service.transports.rest.queries import known_only
@@ -66,7 +67,7 @@ class ScheduleList(BaseModel):
 def router(application: Application) -> APIRouter:
     """The operations, for an application."""
     routes = APIRouter(prefix="/v1/schedules", tags=["schedules"], dependencies=[Depends(known_only)])
-    scheduling, limits = application.scheduling, limits_of(application.settings)
+    scheduling, settings = application.scheduling, application.settings
 
     @routes.get(
         "",
@@ -100,7 +101,7 @@ def router(application: Application) -> APIRouter:
         Made again with the same times and job, it is the same schedule.
         """
         with application.intake.opened() as take:
-            new = await receive_json(request, limits, take, NewSchedule)
+            new = await receive_json(request, limits_of(settings, caller_of(request)), take, NewSchedule)
         return await run_in_threadpool(scheduling.create, new.name, new.cron, read_spec(dict(new.job)), new.zone)
 
     @routes.get(

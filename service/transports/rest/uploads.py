@@ -12,8 +12,8 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
 from service.clouds.json_list import split
-from service.engine.errors import InvalidParameter, UnreadableCloud, UnsupportedFormat
-from service.transports.arriving import Limits, arriving
+from service.engine.errors import ContentTooLarge, InvalidParameter, UnreadableCloud, UnsupportedFormat
+from service.transports.arriving import Limits, arriving, whole
 from service.transports.rest.bodies import FIELD
 
 LABEL = "label"
@@ -74,14 +74,15 @@ async def receive_clouds(
     Raises:
         UnreadableCloud: the form or the list is malformed, or holds no cloud, or labels for more or fewer of them.
         UnsupportedFormat: it is neither.
-        HTTPException: 413, there are too many, or as `arriving` raises.
+        ContentTooLarge: there are too many.
+        HTTPException: as `arriving` raises.
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     async with arriving(request, limits, take) as limited:
         if media_type == "multipart/form-data":
             uploads = await _of_form(limited, most, labelled)
         elif media_type == "application/json" and not labelled:
-            listed = await run_in_threadpool(split, await limited.body(), most + 1)
+            listed = await run_in_threadpool(split, await whole(limited), most + 1)
             uploads = [Upload(cloud, "application/json", "") for cloud in listed]
         else:
             known = "multipart/form-data" if labelled else "multipart/form-data or application/json"
@@ -117,8 +118,8 @@ async def _of_form(request: Request, most: int, labelled: bool) -> list[Upload]:
         raise UnreadableCloud(f"The form cannot be read: {error.detail}") from error
 
 
-def _too_many(most: int) -> HTTPException:
-    return HTTPException(413, f"There are more than {most} clouds; send them in several requests.")
+def _too_many(most: int) -> ContentTooLarge:
+    return ContentTooLarge(f"There are more than {most} clouds; send them in several requests.")
 
 
 async def receive_json(request: Request, limits: Limits, take: Callable[[int], None], kind: type[Body]) -> Body:
@@ -133,7 +134,7 @@ async def receive_json(request: Request, limits: Limits, take: Callable[[int], N
     if media_type != "application/json":
         raise UnsupportedFormat(f"The body should be application/json, not '{media_type[:60]}'.")
     async with arriving(request, limits._replace(max_bytes=min(SMALL, limits.max_bytes)), take) as limited:
-        body = await limited.body()
+        body = await whole(limited)
     try:
         return kind.model_validate_json(body)
     except ValidationError as error:

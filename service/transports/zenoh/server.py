@@ -12,7 +12,7 @@ import zenoh
 
 from service.application import Application
 from service.engine.errors import InvalidParameter
-from service.transports.zenoh.answering import Answering, key_of, pose_of
+from service.transports.zenoh.answering import Answering, camera_of, key_of, pose_of
 from service.transports.zenoh.config import configuration, is_wanted, mode_of
 from service.transports.zenoh.queries import Queries
 from service.transports.zenoh.replicas import REPLICAS
@@ -37,7 +37,7 @@ async def serving(application: Application) -> AsyncIterator[None]:
         return
     config = configuration(application.settings)
     for stream in application.settings.streams:
-        key_of(stream), pose_of(stream)
+        key_of(stream), pose_of(stream), camera_of(stream)
     if mode_of(config) == "client":
         background = asyncio.create_task(_as_client(application, config))
         try:

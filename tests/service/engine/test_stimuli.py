@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import jensenshannon
 
+from service.engine.divergence import distributions, jsd_matrix
 from service.engine.motifs import Ensemble
 from service.engine.params import HierarchyParams, ModelParams, StimuliParams
 from service.engine.perception import Perception, perceive
-from service.engine.stimuli import Stimuli, excite, gaussian_of_jsd, jsd_matrix, stimulate
+from service.engine.stimuli import Stimuli, excite, gaussian_of_jsd, stimulate
 from tests.learnt import PRESETS, learnt, named_clouds, perceived
 from tests.shapes import ball, look, see
 from worker.learning.hierarchy import grow_ensemble
@@ -42,31 +43,31 @@ def sparse_distributions(seed: int, count: int, bins: int, fill: float) -> NDArr
 @pytest.mark.parametrize(("bins", "fill"), [(33, 1.0), (153, 0.3), (153, 0.02), (7, 0.5), (1, 1.0)])
 def test_the_divergence_is_that_of_scipy(bins: int, fill: float):
     p, q = sparse_distributions(0, 12, bins, fill), sparse_distributions(1, 9, bins, fill)
-    ours = jsd_matrix(p, q)
+    ours = jsd_matrix(p, distributions(q))
     assert np.abs(ours - [[jsd(a, b) for b in q] for a in p]).max() < 2e-6
 
 
 def test_the_divergence_of_descriptions_is_that_of_scipy():
     rows = perceived()[0].descriptors
-    assert np.abs(jsd_matrix(rows, rows) - [[jsd(a, b) for b in rows] for a in rows]).max() < 2e-6
+    assert np.abs(jsd_matrix(rows, distributions(rows)) - [[jsd(a, b) for b in rows] for a in rows]).max() < 2e-6
 
 
 def test_the_divergence_is_symmetric_bounded_and_nothing_between_equals():
     rows = sparse_distributions(2, 30, 64, 0.4)
-    ours = jsd_matrix(rows, rows)
+    ours = jsd_matrix(rows, distributions(rows))
     assert np.abs(ours - ours.T).max() < 2e-6
     assert (ours >= 0).all()
     assert ours.max() <= np.log(2) + 2e-6
     assert np.diag(ours).max() < 2e-6
     apart = np.eye(2, 8, dtype=np.float32)
-    assert jsd_matrix(apart[:1], apart[1:])[0, 0] == pytest.approx(np.log(2), abs=2e-6)
+    assert jsd_matrix(apart[:1], distributions(apart[1:]))[0, 0] == pytest.approx(np.log(2), abs=2e-6)
 
 
 @pytest.mark.parametrize("sigma", [0.025, 0.08])
 def test_the_kernel_squares_the_divergence(sigma: float):
     p, q = sparse_distributions(0, 6, 33, 0.9), sparse_distributions(1, 5, 33, 0.9)
     expected = [[np.exp(-(jsd(a, b) ** 2) / (2 * sigma**2)) for b in q] for a in p]
-    assert np.allclose(gaussian_of_jsd(p, q, sigma), expected, rtol=1e-3, atol=1e-5)
+    assert np.allclose(gaussian_of_jsd(p, distributions(q), sigma), expected, rtol=1e-3, atol=1e-5)
 
 
 @cache

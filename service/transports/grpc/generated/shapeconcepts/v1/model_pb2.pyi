@@ -99,3 +99,47 @@ class Content(_message.Message):
     sha256: str
     size: int
     def __init__(self, sha256: _Optional[str] = ..., size: _Optional[int] = ...) -> None: ...
+
+class ConceptList(_message.Message):
+    __slots__ = ("model", "version", "epsilon_max", "time", "concepts", "objects", "thumbnails")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    EPSILON_MAX_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    CONCEPTS_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    THUMBNAILS_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    version: int
+    epsilon_max: float
+    time: float
+    concepts: _containers.RepeatedCompositeFieldContainer[LearnedConcept]
+    objects: _containers.RepeatedCompositeFieldContainer[LearnedObject]
+    thumbnails: str
+    def __init__(self, model: _Optional[str] = ..., version: _Optional[int] = ..., epsilon_max: _Optional[float] = ..., time: _Optional[float] = ..., concepts: _Optional[_Iterable[_Union[LearnedConcept, _Mapping]]] = ..., objects: _Optional[_Iterable[_Union[LearnedObject, _Mapping]]] = ..., thumbnails: _Optional[str] = ...) -> None: ...
+
+class LearnedConcept(_message.Message):
+    __slots__ = ("id", "name", "prototypes", "time", "objects")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    PROTOTYPES_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    id: int
+    name: str
+    prototypes: int
+    time: float
+    objects: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., prototypes: _Optional[int] = ..., time: _Optional[float] = ..., objects: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class LearnedObject(_message.Message):
+    __slots__ = ("object", "key", "hash", "map")
+    OBJECT_FIELD_NUMBER: _ClassVar[int]
+    KEY_FIELD_NUMBER: _ClassVar[int]
+    HASH_FIELD_NUMBER: _ClassVar[int]
+    MAP_FIELD_NUMBER: _ClassVar[int]
+    object: int
+    key: str
+    hash: str
+    map: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, object: _Optional[int] = ..., key: _Optional[str] = ..., hash: _Optional[str] = ..., map: _Optional[_Iterable[float]] = ...) -> None: ...
