@@ -24,6 +24,7 @@ from service.catalogue import (
     tell_tree,
 )
 from service.choosing import Choosing, Meant
+from service.comparing import Version, VersionComparison, compare_versions
 from service.dataset_cases import DatasetCases
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
@@ -36,6 +37,8 @@ from service.model_file import Manifest
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
+from service.schedules import Schedules
+from service.scheduling import Scheduling
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
@@ -110,7 +113,9 @@ class Application:
         self.datasets = DatasetCases(self.store, settings)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
-        self.training = Training(Jobs(settings.jobs_url), self.store)
+        jobs = Jobs(settings.jobs_url)
+        self.training = Training(jobs, self.store)
+        self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
@@ -126,6 +131,7 @@ class Application:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
+        self.scheduling.close()
         self.training.close()
         self.telemetry.close()
 
@@ -319,6 +325,20 @@ class Application:
     def tree(self, name: str, version: int) -> Tree:
         """The spanning tree of a version's topological space."""
         return tell_tree(Meant(self._choosing.source(), name, version).model(), (name, version))
+
+    def compare(self, old: tuple[str, int], new: tuple[str, int]) -> VersionComparison:
+        """Which concepts of one version persist, merge, split or disappear in another one. Runs on the caller's thread.
+
+        Args:
+            old: name and version of the model that concepts come from.
+            new: name and version of the one that they go to.
+
+        Raises:
+            InvalidParameter: there is nothing to compare them by.
+        """
+        source = self._choosing.source()
+        meant = (Meant(source, *which) for which in (old, new))
+        return compare_versions(*(Version(m.name, m.version, m.model(), m.names()) for m in meant))
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""

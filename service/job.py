@@ -37,6 +37,9 @@ class Trained(BaseModel):
     version: int = Field(ge=1, description="the version published")
     parent: str | None = Field(None, description="NAME:VERSION of the model that it follows")
     metrics: dict[str, float] | None = Field(None, description="figures by which it was judged; 1 is best")
+    names_carried: int = Field(0, ge=0, description="names of concepts that it has from the version before")
+    promoted: bool = Field(True, description="whether the alias was moved to it")
+    reasons: list[str] = Field([], description="why it was promoted, or not, by the rule; a sentence for each figure")
     clouds: int = Field(description="clouds that it was to learn from")
     left_out: int = Field(description="clouds that could not be learnt from")
 

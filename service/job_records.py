@@ -52,6 +52,25 @@ class LogLine(NamedTuple):
     line: str
 
 
+def connect(url: str) -> Engine:
+    """The database of the jobs, for tables of our own beside those of the job engine.
+
+    Args:
+        url: as of `Jobs`.
+    """
+    import sqlalchemy
+
+    address = sqlalchemy.make_url(url)
+    if address.drivername.startswith("postgres"):
+        return sqlalchemy.create_engine(
+            address.set(drivername="postgresql+psycopg"),
+            pool_pre_ping=True,
+            pool_size=2,
+            connect_args={"connect_timeout": 10},
+        )
+    return sqlalchemy.create_engine(address, connect_args={"timeout": 30})
+
+
 class JobRecords:
     """The records in the database of the jobs.
 
@@ -194,17 +213,7 @@ class JobRecords:
 
     @cached_property
     def _engine(self) -> Engine:
-        import sqlalchemy
-
-        url = sqlalchemy.make_url(self._url)
-        if url.drivername.startswith("postgres"):
-            return sqlalchemy.create_engine(
-                url.set(drivername="postgresql+psycopg"),
-                pool_pre_ping=True,
-                pool_size=2,
-                connect_args={"connect_timeout": 10},
-            )
-        return sqlalchemy.create_engine(url, connect_args={"timeout": 30})
+        return connect(self._url)
 
     def _number(self, statement: str, each: list[dict[str, Any]]) -> None:
         """Runs a statement that takes the next number, for each of several values, all or none."""

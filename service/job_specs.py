@@ -53,6 +53,20 @@ class TrainSpec(_Work):
     labelled: Name | None = Field(
         None, description="dataset with labels, by which the model is judged before it is published"
     )
+    promote: Literal["always", "not-worse", "never"] = Field(
+        "always",
+        description="whether the alias moves to the new version: always; if its figures by the labels are not worse "
+        "than those of the version that the alias means; or never, so that somebody does it by hand",
+    )
+    tolerance: float = Field(
+        0.02, ge=0, le=1, description="with not-worse: by how much each figure may be lower than before, in [0, 1]"
+    )
+    extend: str | None = Field(
+        None,
+        pattern=REFERENCE,
+        max_length=127,
+        description="learn from what this model learnt from, and then from what else is named; it is the parent",
+    )
     parent: str | None = Field(
         None, pattern=REFERENCE, max_length=127, description="the model that the new version follows, for its manifest"
     )
@@ -62,8 +76,12 @@ class TrainSpec(_Work):
 
     @model_validator(mode="after")
     def _has_source(self) -> Self:
-        if not self.datasets and self.simulate is None and self.clouds is None:
-            raise ValueError("give at least one of datasets, simulate and clouds to learn from")
+        if not self.datasets and self.simulate is None and self.clouds is None and self.extend is None:
+            raise ValueError("give at least one of datasets, simulate, clouds and extend to learn from")
+        if self.extend is not None and self.parent is not None:
+            raise ValueError("the model that is extended is the parent: give no other one")
+        if self.promote == "not-worse" and (self.labelled is None or self.alias is None):
+            raise ValueError("to be promoted if not worse, give a labelled dataset to judge by, and the alias to move")
         if len(set(self.datasets)) < len(self.datasets):
             raise ValueError("a dataset is named twice")
         return self

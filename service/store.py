@@ -120,15 +120,37 @@ class ModelStore:
             self._log(name, alias).promote(choice.version, only_forward=True)
         return manifest
 
-    def promote(self, name: str, version: int, alias: str = PRODUCTION) -> None:
+    def promote(self, name: str, version: int, alias: str = PRODUCTION, *, only_forward: bool = False) -> None:
         """Lets an alias mean a version from now on; nothing happens when it does already.
+
+        Args:
+            name: of the model.
+            version: of the model.
+            alias: to move.
+            only_forward: whether nothing happens either when it means a later version.
 
         Raises:
             ModelNotFound: there is no such version.
         """
         check_name(alias, "n alias")
         self._require(name, version)
-        self._log(name, alias).promote(version)
+        self._log(name, alias).promote(version, only_forward=only_forward)
+
+    def exchange(self, name: str, before: int | None, version: int, alias: str = PRODUCTION) -> bool:
+        """Lets an alias mean a version if it means another one still; returns whether it means the version then.
+
+        Args:
+            name: of the model.
+            before: the version that the alias has to mean; None for none.
+            version: that it shall mean.
+            alias: to move.
+
+        Raises:
+            ModelNotFound: there is no such version.
+        """
+        check_name(alias, "n alias")
+        self._require(name, version)
+        return self._log(name, alias).exchange(before, version)
 
     def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
         """Lets an alias mean what it meant before its last promotion; again, the one before that.

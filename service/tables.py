@@ -245,13 +245,14 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     Console().print(table)
 
 
-def show_names(names: Mapping[int, str]) -> None:
-    """Prints the names of concepts."""
+def show_names(names: Mapping[int, str], carried: Mapping[int, str]) -> None:
+    """Prints the names of concepts, and of which version they were carried over."""
     table = Table()
     table.add_column("concept", justify="right")
     table.add_column("name")
+    table.add_column("carried over from")
     for concept, name in names.items():
-        table.add_row(str(concept), escape(name))
+        table.add_row(str(concept), escape(name), carried.get(concept, "-"))
     Console().print(table)
 
 
@@ -307,7 +308,8 @@ def _asked(job: Job) -> tuple[str, str]:
         return spec.model, f"judged by dataset {spec.dataset}"
     if spec.kind == "simulate":
         return f"dataset {spec.dataset}", f"{spec.count} simulated"
-    sources = [f"dataset {name}" for name in spec.datasets]
+    sources = [f"what {spec.extend} learnt from"] if spec.extend else []
+    sources += [f"dataset {name}" for name in spec.datasets]
     if spec.simulate is not None:
         sources.append(f"{spec.simulate} simulated")
     if spec.clouds is not None:
@@ -332,7 +334,8 @@ def _outcome(job: Job) -> str:
     if result.kind == "evaluate":
         return f"{result.model}:{result.version} judged by {result.clouds} clouds{judged}"
     left_out = f", {result.left_out} left out" if result.left_out else ""
-    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}"
+    stays = ", not promoted" if not result.promoted else ""
+    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}{stays}"
 
 
 def underway(progress: Progress) -> str:

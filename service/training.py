@@ -77,14 +77,23 @@ class Training:
             InvalidParameter: the id is of another form or another job's, or somebody elsewhere names a folder.
             ModelNotFound: the model to be judged or followed is not there.
         """
+        self.check(spec, local=local)
+        return self._jobs.submit(spec, job_id)
+
+    def check(self, spec: JobSpec, *, local: bool) -> None:
+        """Refuses a job that nobody may ask for, or that cannot be done.
+
+        Raises:
+            InvalidParameter: somebody elsewhere names a folder.
+            ModelNotFound: the model to be judged, followed or extended is not there.
+        """
         if spec.kind == "train" and spec.clouds is not None and not local:
             raise InvalidParameter(
                 "Folders of the worker's machine can only be named on its command line; upload a dataset instead."
             )
-        meant = {"train": "parent", "evaluate": "model"}.get(spec.kind)
-        if meant and (reference := getattr(spec, meant)):
-            self._store.resolve(reference)
-        return self._jobs.submit(spec, job_id)
+        for meant in ("parent", "extend", "model"):
+            if reference := getattr(spec, meant, None):
+                self._store.resolve(reference)
 
     def job(self, job_id: str) -> Job:
         """A job as it stands."""

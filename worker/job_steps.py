@@ -9,31 +9,38 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from joblib import parallel_config
 
+from service.carrying import carry_from_earlier
 from service.clouds import write_ply
 from service.datasets import Datasets
 from service.engine.errors import InvalidParameter
 from service.engine.model import ShapeModel
 from service.job_specs import EvaluateSpec, SimulateSpec, TrainSpec
 from service.labels import FILE, Labelled, write_labels
-from service.model_file import Manifest, describe, encode
+from service.model_file import Manifest
 from service.objects import Objects
 from service.store import ModelStore
+from worker.earlier import earlier_sources, join
+from worker.evaluation.answering import answer
 from worker.evaluation.evaluate import Request, evaluate
+from worker.evaluation.judging import figures_of
+from worker.evaluation.labels import read_labels
 from worker.evaluation.page import write_page
+from worker.evaluation.promotion import Rule
 from worker.evaluation.report import Report, write_report
 from worker.job_files import JobFiles, as_npy
 from worker.learning.train import train
+from worker.promoting import Outcome, promote_by_rule
 from worker.simulation import simulate
 from worker.simulation.params import SimulationParams
 from worker.sources import Dataset, Folder, Joined, Simulation, Source
 
 REPORTS = "reports"
+JUDGING_BOTH = "judging both versions"
 NAMED = 100  # clouds that were left out, by name in the log
 STAGES: dict[str, dict[str, float]] = {
     "train": {
@@ -48,8 +55,10 @@ STAGES: dict[str, dict[str, float]] = {
         "metric": 0.02,
         "novelty": 0.03,
         "map": 0.06,
-        "publishing": 0.02,
+        "publishing": 0.01,
+        "carrying names over": 0.01,
     },
+    "judge": {"gathering labelled clouds": 0.1, "responses": 0.6, "figures": 0.3},
     "evaluate": {
         "gathering labelled clouds": 0.05,
         "labels": 0.01,
@@ -102,9 +111,11 @@ def stages_of(spec: TrainSpec | EvaluateSpec | SimulateSpec) -> dict[str, float]
     """The stages of a job, in order, and their shares of its time."""
     stages = dict(STAGES[spec.kind])
     if spec.kind == "train" and spec.labelled is not None:
-        last = stages.popitem()
-        stages |= {stage: share / 2 for stage, share in STAGES["evaluate"].items() if stage != "report"}
-        stages |= dict([last])
+        last = [stages.popitem() for _ in range(2)]
+        stages |= {stage: share / 4 for stage, share in STAGES["judge"].items()}
+        stages |= dict(reversed(last))
+    if spec.kind == "train" and spec.promote == "not-worse":
+        stages |= {JUDGING_BOTH: 0.25}
     whole = sum(stages.values())
     return {stage: share / whole for stage, share in stages.items()}
 
@@ -120,8 +131,9 @@ def gather(tell: Tell, spec: TrainSpec, place: Place) -> int:
         RendererUnavailable: SAPIEN cannot render here.
     """
     tell.stage("gathering clouds")
-    parent = spec.parent and "{}:{}".format(*ModelStore(place.store).resolve(spec.parent))
-    source, files, keys = _source(spec, place), place.files, []
+    before = spec.extend or spec.parent
+    parent = before and "{}:{}".format(*ModelStore(place.store).resolve(before))
+    source, files, keys = _source(tell, spec, place, parent), place.files, []
     with parallel_config(backend="loky", n_jobs=place.processes):
         for number, named in enumerate(tell.count(source, source.count)):
             files.write_cloud(number, named.cloud)
@@ -154,14 +166,18 @@ def learn(tell: Tell, spec: TrainSpec, place: Place) -> dict[str, int]:
 
 
 def judge(tell: Tell, spec: TrainSpec, place: Place) -> dict[str, float]:
-    """Judges the model that was learnt, before it is published; returns its figures."""
+    """Judges the model that was learnt, before it is published; returns its figures.
+
+    Raises:
+        InvalidParameter: too few clouds have labels to judge by.
+    """
     assert spec.labelled is not None
     model = place.files.model(spec.params)
-    manifest = describe(
-        model, encode(model), name=spec.name, version=1, created=datetime.now(UTC), seed=spec.seed, source={}
-    )
-    with _labelled(tell, place, spec.labelled) as table:
-        return _judged(tell, place, model, manifest, Request(table, "")).figures.model_dump()
+    with _labelled(tell, place, spec.labelled) as table, parallel_config(backend="loky", n_jobs=place.processes):
+        tell.stage("responses")
+        answered = answer(model, table, read_labels(table), False, tell.count)
+        tell.stage("figures")
+        return figures_of(answered)
 
 
 def publish(
@@ -184,9 +200,53 @@ def publish(
     index = files.index()
     made: dict[str, Any] = {"name": spec.name, "seed": spec.seed, "source": index["source"], "parent": index["parent"]}
     model, store = files.model(spec.params), ModelStore(place.store)
-    manifest = store.publish(model, alias=spec.alias, metrics=metrics, job=place.job, once=once, **made)
+    manifest = store.publish(model, alias=None, metrics=metrics, job=place.job, once=once, **made)
     tell.log(f"published {spec.name}:{manifest.version}")
     return {"version": manifest.version, "parent": manifest.parent}
+
+
+def promote(tell: Tell, spec: TrainSpec, place: Place, version: int, parent: str | None) -> dict[str, Any]:
+    """Carries names over to the version that was published, and lets the alias mean it, as the rule says.
+
+    Names come from the parent, or where there is none from the version that the alias means, or else the last one.
+
+    Args:
+        tell: of itself.
+        spec: of the job.
+        place: where to.
+        version: that was published.
+        parent: NAME:VERSION of the model that it follows.
+
+    Returns:
+        Of `Trained`: how many names were carried over, whether it was promoted, and why.
+    """
+    store, alias = ModelStore(place.store), spec.alias
+    before = None if alias is None else store.aliases(spec.name).get(alias)
+    tell.stage("carrying names over")
+    before_it = max((each for each in store.versions(spec.name) if each < version), default=None)
+    earlier = parent or (f"{spec.name}:{before or before_it}" if before or before_it else None)
+    carried = carry_from_earlier(store, earlier, (spec.name, version))
+    for each in carried:
+        tell.log(f"concept {each.concept} is called {each.name}, as concept {each.before} of {earlier}")
+    told: dict[str, Any] = {"names_carried": len(carried), "promoted": False, "reasons": []}
+    if alias is None or spec.promote == "never":
+        return told
+    if spec.promote == "always":
+        store.promote(spec.name, version, alias, only_forward=True)
+        return told | {"promoted": store.aliases(spec.name)[alias] == version}
+    outcome = _promote_by_rule(tell, spec, place, version, alias)
+    for reason in outcome.reasons:
+        tell.log(reason)
+    tell.log(outcome.sentence())
+    return told | {"promoted": outcome.promoted, "reasons": outcome.reasons}
+
+
+def _promote_by_rule(tell: Tell, spec: TrainSpec, place: Place, version: int, alias: str) -> Outcome:
+    assert spec.labelled is not None
+    rule, which = Rule(tolerance=spec.tolerance), f"{spec.name}:{version}"
+    labelled = _labelled(tell, place, spec.labelled, JUDGING_BOTH)
+    with labelled as table, parallel_config(backend="loky", n_jobs=place.processes):
+        return promote_by_rule(ModelStore(place.store), which, alias, table, rule, count=tell.count, only_forward=True)
 
 
 def resolve(tell: Tell, spec: EvaluateSpec, place: Place) -> str:
@@ -255,26 +315,29 @@ def simulate_into(tell: Tell, spec: SimulateSpec, place: Place) -> dict[str, Any
     return {"kind": "simulate", "dataset": spec.dataset, "clouds": spec.count, "digest": digest}
 
 
-def _source(spec: TrainSpec, place: Place) -> Source:
-    """The datasets, then the folder, then simulated objects."""
-    datasets = Datasets(place.store)
+def _source(tell: Tell, spec: TrainSpec, place: Place, parent: str | None) -> Source:
+    """What the model that is extended learnt from, then the datasets, then the folder, then simulated objects."""
+    datasets, store = Datasets(place.store), ModelStore(place.store)
     sources: list[Source] = [Dataset(datasets, name) for name in spec.datasets]
     if spec.clouds is not None:
         sources.append(Folder(Path(spec.clouds)))
     if spec.simulate is not None:
         sources.append(Simulation(spec.simulate, spec.seed, SimulationParams().but(**spec.simulation)))
+    if spec.extend is not None and parent is not None:
+        manifest = store.manifest(*store.resolve(parent))
+        sources = join(earlier_sources(manifest, datasets, tell.log), sources, parent)
     return sources[0] if len(sources) == 1 else Joined(sources)
 
 
 @contextmanager
-def _labelled(tell: Tell, place: Place, name: str) -> Iterator[Path]:
+def _labelled(tell: Tell, place: Place, name: str, stage: str = "gathering labelled clouds") -> Iterator[Path]:
     """The labelled clouds of a dataset in a folder of this machine, for as long as they are needed: their `labels.csv`.
 
     Raises:
         DatasetNotFound: there is no such dataset.
         InvalidParameter: none of its clouds has a label.
     """
-    tell.stage("gathering labelled clouds")
+    tell.stage(stage)
     source = Dataset(Datasets(place.store), name)
     labels = {f"{name}/{entry.key}": entry.label for entry in source.entries if entry.label is not None}
     if not labels:

@@ -46,6 +46,7 @@ from worker.job_files import JOBS, JobFiles
 from worker.job_report import JobReport
 from worker.job_steps import Place
 from worker.pulse import Pulse
+from worker.scheduling import Scheduling
 
 RECOVERIES = 50  # a job that was begun as often without coming to an end is given up: it may be what kills workers
 TIDY_WARNING = "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker"
@@ -83,6 +84,7 @@ class Worker:
         self._store, self._objects = ModelStore(settings.store), Objects(settings.store)
         self._jobs = Jobs(settings.jobs_url)
         self._pulse = Pulse(self._jobs, name, settings.worker_lease)
+        self._scheduling = Scheduling(self._jobs)
         self._stopping = threading.Event()
         self._under_way: set[str] = set()
 
@@ -109,10 +111,12 @@ class Worker:
             DBOS.launch()
             DBOS.register_queue(QUEUE, worker_concurrency=1, polling_interval_sec=POLLED_EVERY)
         self._pulse.start()
+        self._scheduling.start()
 
     def stop(self) -> bool:
         """Ends; a job under way goes back into the queue. Returns whether there was one."""
         self._stopping.set()
+        self._scheduling.stop()
         broken_off = sorted(self._under_way)
         DBOS.destroy(workflow_completion_timeout_sec=5)
         for job in broken_off:
@@ -135,8 +139,10 @@ class Worker:
                 learnt = step("learn", job_steps.learn)
                 metrics = step("judge", job_steps.judge) if spec.get("labelled") else None
                 published = step("publish", job_steps.publish, metrics, once)
+                promoted = step("promote", job_steps.promote, published["version"], published["parent"])
                 DBOS.run_step({"name": "tidy"}, self._tidy)
-                return {"kind": "train", "model": spec["name"], "metrics": metrics, **published, **learnt}
+                made = {"kind": "train", "model": spec["name"], "metrics": metrics}
+                return {**made, **published, **promoted, **learnt}
 
         @DBOS.workflow(name="evaluate", max_recovery_attempts=RECOVERIES)
         def evaluate(spec: dict[str, Any]) -> dict[str, Any]:

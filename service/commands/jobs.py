@@ -33,6 +33,8 @@ def jobs() -> None:
         "shape-concepts jobs submit --simulate 250 --name default",
         "shape-concepts jobs submit --dataset scans --dataset more-scans --simulate 250 --name workshop",
         "shape-concepts jobs submit --dataset scans --name default --parent default --labelled test-scans",
+        "shape-concepts jobs submit --extend default --dataset new-scans --labelled test-scans --promote not-worse "
+        "--name default",
         "shape-concepts jobs submit --evaluate default@staging --dataset test-scans",
         "shape-concepts jobs submit --simulate 1000 --into toys",
         "shape-concepts jobs submit --simulate 1000 --name default --id nightly-2025-01-31 --timeout 3600",
@@ -50,6 +52,17 @@ def jobs() -> None:
 )
 @click.option("--labelled", metavar="NAME", help="Dataset by whose labels the model is judged before it is published.")
 @click.option("--parent", metavar="MODEL", help="The model that the new version follows, for its manifest.")
+@click.option("--extend", metavar="MODEL", help="Learn from what this model learnt from first; it is the parent.")
+@click.option(
+    "--promote",
+    type=click.Choice(["always", "not-worse", "never"]),
+    default="always",
+    show_default=True,
+    help="Whether the alias moves: not-worse judges both versions by --labelled.",
+)
+@click.option(
+    "--tolerance", type=float, default=0.02, show_default=True, help="How much lower a figure is not worse yet."
+)
 @click.option("--into", metavar="NAME", help="Add the simulated clouds to a dataset instead of learning.")
 @click.option("--evaluate", metavar="MODEL", help="Judge a model by the labels of a dataset instead of learning.")
 @click.option("--robustness", is_flag=True, help="Judge it by disturbed clouds as well.")
@@ -189,7 +202,7 @@ def _spec(given: dict[str, Any]) -> JobSpec:
     common = {"timeout": given["timeout"], "attempts": given["attempts"]}
     simulation = {"renderer": given["renderer"]} if given["renderer"] else {}
     if given["evaluate"]:
-        _refuse(given, "--evaluate", ("name", "into", "simulate", "clouds", "labelled", "parent"))
+        _refuse(given, "--evaluate", ("name", "into", "simulate", "clouds", "labelled", "parent", "extend"))
         if len(given["datasets"]) != 1:
             raise click.UsageError("--evaluate needs one --dataset NAME, whose labels judge the model.")
         return read_spec(
@@ -202,7 +215,7 @@ def _spec(given: dict[str, Any]) -> JobSpec:
             }
         )
     if given["into"]:
-        _refuse(given, "--into", ("name", "datasets", "clouds", "labelled", "parent", "robustness"))
+        _refuse(given, "--into", ("name", "datasets", "clouds", "labelled", "parent", "extend", "robustness"))
         if given["simulate"] is None:
             raise click.UsageError("--into needs --simulate COUNT.")
         asked = {"dataset": given["into"], "count": given["simulate"], "seed": given["seed"], "simulation": simulation}
@@ -211,6 +224,7 @@ def _spec(given: dict[str, Any]) -> JobSpec:
         raise click.UsageError("Give --name MODEL to learn, --evaluate MODEL, or --simulate COUNT --into DATASET.")
     _refuse(given, "--name", ("robustness",))
     named = {key: given[key] for key in ("name", "alias", "datasets", "simulate", "labelled", "parent", "seed")}
+    named |= {key: given[key] for key in ("extend", "promote", "tolerance")}
     clouds = str(given["clouds"].absolute()) if given["clouds"] else None
     params = ModelParams.preset(given["preset"])
     return read_spec({**named, "clouds": clouds, "params": params, "simulation": simulation, **common})

@@ -96,6 +96,32 @@ def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
 
 
 @models.command(
+    epilog=examples(
+        "shape-concepts models compare default:1 default:2",
+        "shape-concepts models compare default default@staging --json",
+    )
+)
+@click.argument("old", metavar="NAME:1")
+@click.argument("new", metavar="NAME:2")
+@json_option
+@store_option
+def compare(old: str, new: str, as_json: bool, store: str | None) -> None:
+    """Tells which concepts of one version persist, merge, split or disappear in another one, and which appear.
+
+    Versions are compared by the clouds that they learnt from: a concept persists if more than half of its objects and
+    of a new concept's are common to both.
+    """
+    application = application_of(store)
+    compared = application.compare(application.which(old), application.which(new))
+    if as_json:
+        click.echo(compared.model_dump_json())
+    else:
+        from service.comparison_tables import show_comparison
+
+        show_comparison(compared)
+
+
+@models.command(
     epilog=examples("shape-concepts models rollback default", "shape-concepts models rollback default --alias staging")
 )
 @click.argument("model", metavar="NAME")

@@ -139,6 +139,14 @@ class JobNotFound(ShapeConceptsError):
     """There is no job of that id."""
 
 
+class ScheduleNotFound(ShapeConceptsError):
+    """There is no schedule of that name."""
+
+
+class ScheduleExists(ShapeConceptsError):
+    """There is a schedule of that name, and it is another one."""
+
+
 class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 

@@ -44,6 +44,9 @@ def test_a_job_broken_off_again_and_again_publishes_one_version(place: Place) ->
         "version": 1,
         "parent": None,
         "metrics": None,
+        "names_carried": 0,
+        "promoted": True,
+        "reasons": [],
         "clouds": 6,
         "left_out": 0,
     }

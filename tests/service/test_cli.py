@@ -52,6 +52,53 @@ def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
+def test_a_schedule_is_made_looked_at_paused_and_removed(folder: Path) -> None:
+    assert run("schedules", "list", "--json").stdout == '{"schedules": []}\n'
+    assert not (folder / "jobs.sqlite").exists()
+    times = ("weekly", "--cron", "0 3 * * mon", "--zone", "Europe/Berlin")
+    for _ in range(2):
+        made = run("schedules", "create", *times, "--job", '{"name": "toys", "simulate": 2}')
+        assert made.exit_code == 0, made.output
+        assert "Schedule weekly is active; next due" in made.stdout
+    (shown,) = lines(run("schedules", "show", "weekly", "--json"))
+    assert (shown["cron"], shown["zone"], shown["job"]["simulate"]) == ("0 3 * * mon", "Europe/Berlin", 2)
+    assert lines(run("schedules", "list", "--json"))[0]["schedules"] == [shown]
+    assert "weekly" in run("schedules", "list").stdout
+    assert "simulate" in run("schedules", "show", "weekly").stdout
+    assert lines(run("schedules", "pause", "weekly", "--json"))[0]["next_due"] is None
+    assert "active" in run("schedules", "resume", "weekly").stdout
+    assert run("schedules", "delete", "weekly").exit_code == 0
+    refused = run("schedules", "show", "weekly")
+    assert (refused.exit_code, "There is no schedule 'weekly'" in refused.stderr) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--cron", "soon", "--job", '{"name": "toys", "simulate": 2}'), "no cron expression"),
+        (("--cron", "0 3 * * mon", "--job", "[1]"), "No such file"),
+        (("--cron", "0 3 * * mon", "--job", "{"), "no JSON"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys"}'), "at least one of"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys", "extend": "nobody"}'), "There is no 'nobody@production'"),
+    ],
+)
+def test_a_schedule_that_cannot_be_says_why(folder: Path, arguments: tuple[str, ...], said: str) -> None:
+    refused = run("schedules", "create", "weekly", *arguments)
+    assert refused.exit_code == 1
+    assert said in refused.stderr
+
+
+def test_versions_are_compared(folder: Path, store: ModelStore, model: ShapeModel) -> None:
+    store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+    (told,) = lines(run("models", "compare", "tiny", "tiny@staging", "--json"))
+    assert [(told[which]["model"], told[which]["version"]) for which in ("old", "new")] == [("tiny", 1), ("tiny", 2)]
+    assert told["fates"] == {"persists": len(model.concepts().ids)}
+    shown = run("models", "compare", "tiny:1", "tiny:2")
+    assert shown.exit_code == 0
+    assert "persists" in shown.stdout
+    assert run("models", "compare", "tiny:1", "tiny:3").exit_code == 1
+
+
 def test_respond_prints_one_json_line_a_cloud(folder: Path, model: ShapeModel, clouds: list[PointCloud]) -> None:
     result = run("respond", "--model", "tiny", "--json", "good.ply", "good.ply")
     assert result.exit_code == 0
@@ -325,6 +372,10 @@ def test_every_example_of_the_help_runs(
         run("datasets", "add", "mugs", "mug.xyz")
     if "nightly-2025-01-31" in example and " submit " not in example:
         run("jobs", "submit", "--simulate", "1000", "--name", "default", "--id", "nightly-2025-01-31")
+    job = {"name": "default", "simulate": 250}
+    Path("job.json").write_text(json.dumps(job))
+    if " schedules " in example and " weekly" in example and " create " not in example:
+        run("schedules", "create", "weekly", "--cron", "0 3 * * mon", "--job", json.dumps(job))
     if " keys revoke " in example:
         made = json.loads(run("keys", "create", "robot-7", "--json").stdout)
         example = example.rpartition(" ")[0] + f" {made['id']}"
@@ -352,11 +403,23 @@ class TestNames:
         assert given == {"model": "tiny", "version": 1, "concept": concept, "name": "tea mug"}
         assert "tea mug" in run("names", "list", "tiny").stdout
         (listed,) = lines(run("names", "list", "tiny:1", "--json"))
-        assert listed["names"] == [{"concept": concept, "name": "tea mug"}]
+        assert listed["names"] == [{"concept": concept, "name": "tea mug", "carried_from": None}]
         (answer,) = lines(run("respond", "--json", "good.ply"))
         assert {c["id"]: c["name"] for c in answer["concepts"]}[concept] == "tea mug"
         assert f"Concept {concept} of tiny:1 has no name now" in run("names", "remove", "tiny", str(concept)).stdout
         assert lines(run("names", "list", "tiny", "--json"))[0]["names"] == []
+
+    def test_names_are_carried_over_once_and_say_so(self, folder: Path, store: ModelStore, model: ShapeModel) -> None:
+        store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+        concept = int(model.concepts().ids[0])
+        run("names", "set", "tiny:1", str(concept), "mug")
+        for _ in range(2):
+            (carried,) = lines(run("names", "carry", "tiny:2", "--from", "tiny:1", "--json"))
+            assert (carried["version"], carried["carried_from"]) == (2, "tiny:1")
+            assert carried["names"] == [{"concept": concept, "name": "mug", "before": concept, "jaccard": 1}]
+        assert "mug" in run("names", "carry", "tiny@staging", "--from", "tiny").stdout
+        assert "tiny:1" in run("names", "list", "tiny:2").stdout
+        assert "say another version" in run("names", "carry", "tiny:1", "--from", "tiny").stderr
 
     def test_names_are_proposed_from_labels_and_given_when_asked(self, folder: Path) -> None:
         (folder / "labels.csv").write_text("file,category\ngood.ply,mug\nbad.ply,bowl\nnowhere.ply,bowl\n")

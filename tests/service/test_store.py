@@ -251,3 +251,15 @@ def test_parent_and_metrics_are_kept_and_absent_where_they_were_not_told(url: st
     found = store.manifest("tiny", 2)
     assert (found.parent, found.metrics) == (told.parent, told.metrics) == ("tiny:1", {"knn": 0.75})
     assert not {"parent", "metrics", "job"} & set(store.manifest("tiny", 1).model_dump())
+
+
+def test_an_alias_is_exchanged_only_while_it_means_what_was_expected(tmp_path: Path, model: ShapeModel) -> None:
+    store = ModelStore(tmp_path)
+    for _ in range(3):
+        store.publish(model, name="m", seed=1, source={}, alias=None)
+    assert store.exchange("m", None, 1)
+    assert store.exchange("m", 1, 2)
+    assert not store.exchange("m", 1, 3)
+    assert store.exchange("m", 1, 2)  # it is so already
+    assert [entry.version for entry in store.alias_history("m")] == [1, 2]
+    assert store.rollback("m") == 1

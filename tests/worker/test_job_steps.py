@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from service.clouds import write_ply
 from service.datasets import Datasets
 from service.engine.errors import CloudExists, DatasetNotFound, InvalidParameter, NotEnoughSamples
 from service.engine.model import ShapeModel
-from service.job_specs import EvaluateSpec, SimulateSpec, TrainSpec
+from service.job_specs import EvaluateSpec, SimulateSpec, TrainSpec, read_spec
 from service.labels import Label
 from service.model_file import encode
 from service.objects import Objects
@@ -25,6 +26,7 @@ from worker.job_steps import (
     gather,
     judge,
     learn,
+    promote,
     publish,
     simulate_into,
     stages_of,
@@ -119,7 +121,8 @@ def test_the_stages_told_are_those_announced_in_their_order(spec: TrainSpec, tel
     asked = spec.model_copy(update={"labelled": "table"})
     gather(tell, asked, place)
     learn(tell, asked, place)
-    publish(tell, asked, place, judge(tell, asked, place), "one-1")
+    published = publish(tell, asked, place, judge(tell, asked, place), "one-1")
+    promote(tell, asked, place, published["version"], published["parent"])
     assert tell.stages == list(stages_of(asked))
     assert sum(stages_of(asked).values()) == pytest.approx(1)
 
@@ -184,11 +187,106 @@ def test_a_kill_between_version_and_alias_is_made_good(
     spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
 ) -> None:
     kept(spec, place, model)
-    without_alias = spec.model_copy(update={"alias": None})
-    assert publish(tell, without_alias, place, None, "one-1")["version"] == 1
-    assert store.aliases("toys") == {}
     assert publish(tell, spec, place, None, "one-1")["version"] == 1
+    assert store.aliases("toys") == {}
+    for _ in range(2):
+        assert promote(tell, spec, place, 1, None)["promoted"]
     assert store.aliases("toys") == {"production": 1}
+    assert len(store.alias_history("toys")) == 1
+
+
+class TestPromotion:
+    @pytest.fixture
+    def twice(self, store: ModelStore, model: ShapeModel) -> ModelStore:
+        """A store with the model as toys:1, which production means, and toys:2."""
+        store.publish(model, name="toys", seed=5, source={})
+        store.publish(model, name="toys", seed=5, source={}, alias=None)
+        return store
+
+    def test_never_leaves_the_alias_to_people_but_names_are_carried_over(
+        self, spec: TrainSpec, tell: Told, place: Place, twice: ModelStore, model: ShapeModel
+    ) -> None:
+        concept = int(model.concepts().ids[0])
+        twice.concept_names("toys", 1).change({concept: "block"})
+        made = promote(tell, spec.model_copy(update={"promote": "never"}), place, 2, None)
+        assert (made["promoted"], made["names_carried"]) == (False, 1)
+        assert twice.aliases("toys") == {"production": 1}
+        assert twice.concept_names("toys", 2).read() == (1, {concept: "block"}, {concept: "toys:1"})
+
+    def test_not_worse_is_promoted_with_reasons_and_once(
+        self, spec: TrainSpec, tell: Told, place: Place, twice: ModelStore
+    ) -> None:
+        labelled(place)
+        rule = spec.model_copy(update={"promote": "not-worse", "labelled": "table", "tolerance": 0.0})
+        made = promote(tell, rule, place, 2, "toys:1")
+        assert made["promoted"]
+        assert len(made["reasons"]) == 5
+        assert "toys@production is version 2 now." in tell.lines
+        assert twice.aliases("toys") == {"production": 2}
+        assert promote(tell, rule, place, 2, "toys:1")["promoted"]
+        assert len(twice.alias_history("toys")) == 2
+
+    def test_worse_stays_back(
+        self, spec: TrainSpec, tell: Told, place: Place, store: ModelStore, model: ShapeModel
+    ) -> None:
+        labelled(place)
+        store.publish(model, name="toys", seed=5, source={})
+        blind = replace(model.metric, components=np.zeros_like(model.metric.components))
+        store.publish(replace(model, metric=blind), name="toys", seed=5, source={}, alias=None)
+        rule = spec.model_copy(update={"promote": "not-worse", "labelled": "table"})
+        made = promote(tell, rule, place, 2, None)
+        assert not made["promoted"]
+        assert any("more than the tolerated" in reason for reason in made["reasons"])
+        assert store.aliases("toys") == {"production": 1}
+
+    def test_an_alias_that_means_a_later_version_by_now_stays(
+        self, spec: TrainSpec, tell: Told, place: Place, twice: ModelStore
+    ) -> None:
+        labelled(place)
+        twice.promote("toys", 2)
+        rule = spec.model_copy(update={"promote": "not-worse", "labelled": "table"})
+        assert not promote(tell, rule, place, 1, None)["promoted"]
+        assert not promote(tell, spec, place, 1, None)["promoted"]
+        assert twice.aliases("toys") == {"production": 2}
+
+
+def test_what_extends_a_model_learns_from_its_sources_first_and_names_it_as_parent(
+    tell: Told, place: Place, store: ModelStore
+) -> None:
+    labelled(place)
+    first = TrainSpec(name="toys", simulate=3, simulation={"renderer": "raycast"})
+    gather(tell, first, place)
+    learn(tell, first, place)
+    publish(tell, first, place, None, "one-1")
+    promote(tell, first, place, 1, None)
+    more = TrainSpec(name="toys", extend="toys", datasets=("table",))
+    assert gather(tell, more, place) == 16
+    learn(tell, more, place)
+    published = publish(tell, more, place, None, "two-1")
+    assert published == {"version": 2, "parent": "toys:1"}
+    simulated, dataset = store.manifest("toys", 2).source["parts"]
+    assert simulated == store.manifest("toys", 1).source
+    assert dataset["name"] == "table"
+    promote(tell, more, place, 2, "toys:1")
+    alone = TrainSpec(name="toys", extend="toys")  # the same again, as of the version that is meant by now
+    assert gather(tell, alone, place) == 16
+    assert [named.key for named in place.files.clouds()][:3] == [f"simulated/7/{number}" for number in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"extend": "toys", "parent": "toys:1"}, "is the parent"),
+        ({"simulate": 2, "promote": "not-worse"}, "labelled dataset"),
+        ({"simulate": 2, "promote": "not-worse", "labelled": "table", "alias": None}, "alias to move"),
+        ({"simulate": 2, "promote": "perhaps"}, "promote"),
+        ({"extend": "Toys"}, "extend"),
+        ({}, "extend"),
+    ],
+)
+def test_what_contradicts_itself_is_no_job(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(InvalidParameter, match=said):
+        read_spec({"name": "toys"} | given)
 
 
 def test_an_evaluation_keeps_its_report(tell: Told, place: Place, store: ModelStore, model: ShapeModel) -> None:

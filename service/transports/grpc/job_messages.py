@@ -28,6 +28,8 @@ def to_spec(message: jobs_pb2.JobSpec) -> JobSpec:
     given: dict[str, Any] = MessageToDict(getattr(message, work), preserving_proto_field_name=True)
     if given.get("alias") == "":
         given["alias"] = None
+    if "promote" in given:
+        given["promote"] = str(given["promote"]).removeprefix("PROMOTION_").replace("_", "-").lower()
     if message.HasField("timeout_s"):
         given["timeout"] = message.timeout_s
     if message.HasField("attempts"):

@@ -20,6 +20,7 @@ from service.transports.rest import (
     observing,
     problems,
     responses,
+    schedules,
 )
 from service.transports.rest.encodings import Decoding
 
@@ -50,6 +51,7 @@ def create_app(application: Application) -> FastAPI:
         (datasets, access.reading(application, "answer", "train", otherwise="train")),
         (dataset_uploads, access.reading(application, "answer", "train", otherwise="train")),
         (jobs, access.reading(application, "answer", "train", otherwise="train")),
+        (schedules, access.reading(application, "answer", "train", otherwise="train")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

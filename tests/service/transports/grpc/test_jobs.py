@@ -56,6 +56,10 @@ def test_every_kind_of_job_is_understood() -> None:
     assert spec.kind == "train"
     assert (spec.alias, spec.datasets, spec.seed, spec.timeout, spec.attempts) == (None, ("a", "b"), 2**63 - 1, 1.5, 2)
     assert (spec.params.patches.iterations, spec.simulation) == (3, {"renderer": "raycast"})
+    more = pb.TrainJob(name="toys", extend="toys@x", labelled="c", promote=pb.PROMOTION_NOT_WORSE, tolerance=0.5)
+    extending = to_spec(pb.JobSpec(train=more))
+    assert extending.kind == "train"
+    assert (extending.extend, extending.promote, extending.tolerance) == ("toys@x", "not-worse", 0.5)
     evaluated = to_spec(pb.JobSpec(evaluate=pb.EvaluateJob(model="toys@x", dataset="c", robustness=True)))
     assert evaluated.model_dump(exclude_defaults=True) == {"model": "toys@x", "dataset": "c", "robustness": True}
     simulated = to_spec(pb.JobSpec(simulate=pb.SimulateJob(dataset="c", count=9)))
@@ -69,6 +73,8 @@ def test_every_kind_of_job_is_understood() -> None:
         pb.JobSpec(),
         pb.JobSpec(train=pb.TrainJob(name="toys")),
         pb.JobSpec(train=pb.TrainJob(name="Not A Name", simulate=2)),
+        pb.JobSpec(train=pb.TrainJob(name="toys", simulate=2, promote=9)),
+        pb.JobSpec(train=pb.TrainJob(name="toys", extend="nobody:3")),
         pb.JobSpec(simulate=pb.SimulateJob(dataset="c")),
         pb.JobSpec(evaluate=pb.EvaluateJob(model="nobody:3", dataset="c")),
     ],

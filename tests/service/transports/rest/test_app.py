@@ -209,6 +209,7 @@ def test_real_answers_fit_the_description(client: httpx.Client, application: App
     node = client.get("/v1/models/tiny/concepts").json()["concepts"][0]["id"]
     name = f"/v1/models/tiny/concepts/{node}/name"
     files = [("cloud", ("box.xyz", example)), ("cloud", ("torn.ply", b"ply\n"))]
+    schedule = {"name": "weekly", "cron": "0 3 * * mon", "job": {"name": "tiny", "simulate": 2}}
     detail = {"detail": ["responses,stimuli", "explanation", "segments"]}
     asked = {
         "post /v1/responses": client.post("/v1/responses", content=example, params=detail),
@@ -225,6 +226,16 @@ def test_real_answers_fit_the_description(client: httpx.Client, application: App
         "get /v1/models/{name}/aliases": client.get("/v1/models/tiny/aliases"),
         f"post {v1}/promote": client.post("/v1/models/tiny:2/promote"),
         "post /v1/models/{name}/rollback": client.post("/v1/models/tiny/rollback?leaving=2"),
+        "get /v1/models/{name}/versions/{version}/compare": client.get(
+            "/v1/models/tiny/versions/1/compare", params={"with": "tiny:2"}
+        ),
+        f"post {v1}/names/carry": client.post("/v1/models/tiny:2/names/carry?from=tiny:1"),
+        "post /v1/schedules": client.post("/v1/schedules", json=schedule),
+        "get /v1/schedules": client.get("/v1/schedules"),
+        "get /v1/schedules/{name}": client.get("/v1/schedules/weekly"),
+        "post /v1/schedules/{name}/pause": client.post("/v1/schedules/weekly/pause"),
+        "post /v1/schedules/{name}/resume": client.post("/v1/schedules/weekly/resume"),
+        "delete /v1/schedules/{name}": client.delete("/v1/schedules/weekly"),
         "post /v1/jobs": client.post(
             "/v1/jobs",
             json={"kind": "train", "name": "tiny", "simulate": 2},

@@ -19,15 +19,26 @@ class JobState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     JOB_STATE_DONE: _ClassVar[JobState]
     JOB_STATE_FAILED: _ClassVar[JobState]
     JOB_STATE_CANCELLED: _ClassVar[JobState]
+
+class Promotion(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PROMOTION_UNSPECIFIED: _ClassVar[Promotion]
+    PROMOTION_ALWAYS: _ClassVar[Promotion]
+    PROMOTION_NOT_WORSE: _ClassVar[Promotion]
+    PROMOTION_NEVER: _ClassVar[Promotion]
 JOB_STATE_UNSPECIFIED: JobState
 JOB_STATE_QUEUED: JobState
 JOB_STATE_RUNNING: JobState
 JOB_STATE_DONE: JobState
 JOB_STATE_FAILED: JobState
 JOB_STATE_CANCELLED: JobState
+PROMOTION_UNSPECIFIED: Promotion
+PROMOTION_ALWAYS: Promotion
+PROMOTION_NOT_WORSE: Promotion
+PROMOTION_NEVER: Promotion
 
 class TrainJob(_message.Message):
-    __slots__ = ("name", "alias", "datasets", "simulate", "labelled", "parent", "seed", "params", "simulation")
+    __slots__ = ("name", "alias", "datasets", "simulate", "labelled", "parent", "seed", "params", "simulation", "extend", "promote", "tolerance")
     NAME_FIELD_NUMBER: _ClassVar[int]
     ALIAS_FIELD_NUMBER: _ClassVar[int]
     DATASETS_FIELD_NUMBER: _ClassVar[int]
@@ -37,6 +48,9 @@ class TrainJob(_message.Message):
     SEED_FIELD_NUMBER: _ClassVar[int]
     PARAMS_FIELD_NUMBER: _ClassVar[int]
     SIMULATION_FIELD_NUMBER: _ClassVar[int]
+    EXTEND_FIELD_NUMBER: _ClassVar[int]
+    PROMOTE_FIELD_NUMBER: _ClassVar[int]
+    TOLERANCE_FIELD_NUMBER: _ClassVar[int]
     name: str
     alias: str
     datasets: _containers.RepeatedScalarFieldContainer[str]
@@ -46,7 +60,10 @@ class TrainJob(_message.Message):
     seed: int
     params: _struct_pb2.Struct
     simulation: _struct_pb2.Struct
-    def __init__(self, name: _Optional[str] = ..., alias: _Optional[str] = ..., datasets: _Optional[_Iterable[str]] = ..., simulate: _Optional[int] = ..., labelled: _Optional[str] = ..., parent: _Optional[str] = ..., seed: _Optional[int] = ..., params: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., simulation: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ...) -> None: ...
+    extend: str
+    promote: Promotion
+    tolerance: float
+    def __init__(self, name: _Optional[str] = ..., alias: _Optional[str] = ..., datasets: _Optional[_Iterable[str]] = ..., simulate: _Optional[int] = ..., labelled: _Optional[str] = ..., parent: _Optional[str] = ..., seed: _Optional[int] = ..., params: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., simulation: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., extend: _Optional[str] = ..., promote: _Optional[_Union[Promotion, str]] = ..., tolerance: _Optional[float] = ...) -> None: ...
 
 class EvaluateJob(_message.Message):
     __slots__ = ("model", "dataset", "robustness")
