@@ -276,9 +276,9 @@ def run(settings: Settings, name: str, processes: int) -> None:
     """
     logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(message)s")
     _quiet_engine()
-    preload()
     # joblib's own watcher clears away what a broken off job leaves, and need not warn of having done so.
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), TIDY_WARNING]))
+    preload()
     told_to_end = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: told_to_end.set())
