@@ -28,7 +28,7 @@ LABEL org.opencontainers.image.title="Shape Concepts: worker" org.opencontainers
 # What Open3D links to, and what SAPIEN renders with on any processor.
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends ca-certificates python3 \
-       libegl1 libgl1 libgomp1 libusb-1.0-0 libx11-6 libvulkan1 mesa-vulkan-drivers \
+       libegl1 libgl1 libgomp1 libidn2-0 libusb-1.0-0 libx11-6 libvulkan1 mesa-vulkan-drivers \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --system --uid 10001 --user-group --home-dir /data --shell /usr/sbin/nologin shape-concepts \
     && install --directory --owner=10001 --group=10001 /data /var/cache/shape-concepts

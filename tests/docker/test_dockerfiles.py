@@ -122,3 +122,11 @@ def test_an_instruction_that_is_not_understood_is_refused(tmp_path: Path) -> Non
         reader().read(file)
     with pytest.raises(ValueError, match="--chown"):
         reader().copied("--chown=1 a b")
+
+
+def test_the_worker_has_the_system_libraries_that_a_checkout_gets() -> None:
+    text = (ROOT / "run").read_text()
+    wanted = " ".join(re.findall(r"^readonly (?:libraries|vulkan)=\(([^)]*)\)", text, re.M)).split()
+    installed = " ".join(reader().read(DOCKER / "worker.Dockerfile")[-1].said("RUN")).split()
+    assert len(wanted) > 5
+    assert set(wanted) <= set(installed)
