@@ -30,7 +30,7 @@ RUN apt-get update \
     && useradd --system --uid 10001 --user-group --home-dir /data --shell /usr/sbin/nologin shape-concepts \
     && install --directory --owner=10001 --group=10001 /data /var/cache/shape-concepts
 COPY --from=build /opt/shape-concepts /opt/shape-concepts
-COPY docker/health.py docker/compile_kernels.py /opt/shape-concepts/share/
+COPY docker/health.py docker/compile_kernels.py docker/copy_store.py /opt/shape-concepts/share/
 # Kernels are compiled for every processor of the architecture, not for the one that builds the image.
 ENV PATH=/opt/shape-concepts/bin:/usr/local/bin:/usr/bin:/bin \
     PYTHONDONTWRITEBYTECODE=1 \

@@ -33,16 +33,33 @@ PATIENCE = 300.0  # seconds
 
 
 class Container:
-    """A container of an image, with a folder of this machine as its volume /data."""
+    """A container of an image.
 
-    def __init__(self, image: Image, data: Path, **settings: str) -> None:
+    Args:
+        image: the image.
+        data: a folder of this machine, as the volume /data.
+        mounts: further ones, and where they are seen.
+        read_only: whether nothing else may be written, as in docker/kubernetes.
+        settings: variables beside those of the image.
+    """
+
+    def __init__(
+        self,
+        image: Image,
+        data: Path,
+        mounts: dict[Path, str] | None = None,
+        *,
+        read_only: bool = False,
+        **settings: str,
+    ) -> None:
         self._image = image
         self.words = inside(
             image.root,
             image.user,
             image.stage.said("WORKDIR")[-1],
             {"HOME": home_of(image.user, image.root)} | image.stage.environment() | settings,
-            {data: "/data"},
+            {data: "/data"} | (mounts or {}),
+            read_only=read_only,
         )
 
     def run(self, *command: str) -> str:
@@ -93,9 +110,11 @@ def check_image(image: Image, data: Path) -> Container:
     return container
 
 
-def kernels(image: Image) -> set[Path]:
-    """The compiled kernels that an image has."""
-    return set((image.root / image.stage.environment()["NUMBA_CACHE_DIR"].lstrip("/")).rglob("*.nb?"))
+def kernels(image: Image, mounts: dict[Path, str] | None = None) -> set[Path]:
+    """The compiled kernels that a container of an image finds."""
+    cache = image.stage.environment()["NUMBA_CACHE_DIR"]
+    mounted = [source for source, target in (mounts or {}).items() if target == cache]
+    return {file for folder in mounted or [image.root / cache.lstrip("/")] for file in folder.rglob("*.nb?")}
 
 
 def wait_for(healthy: Container, image: Image, process: subprocess.Popen[bytes], log: Path) -> float:
@@ -133,9 +152,32 @@ def prove_api(image: Image, data: Path) -> None:
     example = "from service.transports.rest.examples import CLOUD_XYZ; print(CLOUD_XYZ)"
     cloud = container.run("python", "-c", example).encode()
     key = json.loads(container.run("shape-concepts", "keys", "create", "prover", "--json"))["key"]
-    port = free_port()
-    served = Container(image, data, SHAPE_CONCEPTS_PORT=str(port), SHAPE_CONCEPTS_GRPC_PORT=str(free_port()))
-    compiled, log, address = kernels(image), data.parent / "api.log", f"http://127.0.0.1:{port}"
+    serve_and_ask(image, data, key, cloud, data.parent / "api.log")
+    kept = data.parent / "kernels"
+    shutil.rmtree(kept, ignore_errors=True)
+    kept.mkdir()
+    os.chown(kept, *map(int, image.user.split(":")))
+    cache = image.stage.environment()["NUMBA_CACHE_DIR"]
+    Container(image, data, {kept: "/kernels"}, read_only=True).run("cp", "--recursive", f"{cache}/.", "/kernels")
+    print("  with a read-only root, as in docker/kubernetes/api.yaml:")
+    serve_and_ask(image, data, key, cloud, data.parent / "api.log", {kept: cache}, read_only=True)
+
+
+def serve_and_ask(
+    image: Image,
+    data: Path,
+    key: str,
+    cloud: bytes,
+    log: Path,
+    mounts: dict[Path, str] | None = None,
+    *,
+    read_only: bool = False,
+) -> None:
+    """Starts the service, asks for its health and about a cloud, and ends it."""
+    port, grpc = str(free_port()), str(free_port())
+    ports = {"SHAPE_CONCEPTS_PORT": port, "SHAPE_CONCEPTS_GRPC_PORT": grpc}
+    served = Container(image, data, mounts, read_only=read_only, **ports)
+    compiled, address = kernels(image, mounts), f"http://127.0.0.1:{port}"
     with served.started(log) as process:
         print(f"  ok  healthy after {wait_for(served, image, process, log):.1f} s")
         check(ask(f"{address}/healthz")[0] == 200, "GET /healthz: 200")
@@ -146,7 +188,7 @@ def prove_api(image: Image, data: Path) -> None:
         status, answer = ask(f"{address}/v1/responses?top=1&detail=concepts", key, cloud)
         took = time.monotonic() - began
         check(status == 200, f"the first cloud, after {took:.2f} s: {json.dumps(answer)[:160]}...")
-    check(len(compiled) > 20 and kernels(image) == compiled, f"had all kernels compiled: {len(compiled)} files")
+    check(len(compiled) > 20 and kernels(image, mounts) == compiled, f"had all kernels compiled: {len(compiled)} files")
 
 
 def prove_worker(image: Image, data: Path) -> None:
@@ -195,6 +237,8 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("/var/tmp/shape-concepts-images"), help="folder to build in")
     parser.add_argument("--built", action="store_true", help="prove again what was built before")
     given = parser.parse_args()
+    if unknown := set(given.images) - {"api", "worker"}:
+        parser.error(f"no image is called {unknown.pop()}; there are api and worker")
     if os.geteuid():
         sys.exit("needs root: chroot and debootstrap do")
     given.work.mkdir(parents=True, exist_ok=True)

@@ -39,7 +39,9 @@ class Image(NamedTuple):
         return self.stage.said("USER")[-1]
 
 
-def inside(root: Path, user: str, folder: str, environment: dict[str, str], mounts: dict[Path, str]) -> list[str]:
+def inside(
+    root: Path, user: str, folder: str, environment: dict[str, str], mounts: dict[Path, str], *, read_only: bool = False
+) -> list[str]:
     """The words before a command that run it in a root, as init of its own namespaces, and end all that it started.
 
     Args:
@@ -48,13 +50,21 @@ def inside(root: Path, user: str, folder: str, environment: dict[str, str], moun
         folder: to run it in.
         environment: all of its variables.
         mounts: files and folders of this machine, and where they are seen.
+        read_only: whether nothing of the root itself may be written.
     """
     there = shlex.quote(str(root))
-    steps = ["mount --make-rprivate /", f"mount -t proc proc {there}/proc", f"mount --rbind /dev {there}/dev"]
+    steps = [
+        "mount --make-rprivate /",
+        f"mount --bind {there} {there}",
+        f"mount -t proc proc {there}/proc",
+        f"mount --rbind /dev {there}/dev",
+    ]
     steps.append(f"mount -t tmpfs -o mode=1777 tmpfs {there}/tmp")
     for source, target in mounts.items():
         kind = "mkdir -p" if source.is_dir() else "touch"
         steps.append(f"{kind} {there}{target} && mount --bind {shlex.quote(str(source))} {there}{target}")
+    if read_only:
+        steps.append(f"mount -o remount,bind,ro {there}")
     given = shlex.join(f"{name}={value}" for name, value in environment.items())
     steps.append(f'exec chroot --userspec={user} {there} env -i {given} sh -c \'cd "$0" && exec "$@"\' {folder} "$@"')
     script = " && ".join(steps)

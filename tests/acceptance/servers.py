@@ -59,6 +59,12 @@ class Postgres:
         assert done.returncode == 0, printed
         return printed
 
+    def feed(self, text: str, program: str, *arguments: str) -> None:
+        """Runs one of Postgres' programs on a text."""
+        file = self._folder.parent / "fed"
+        file.write_text(text)
+        self.run(program, *arguments, "--file", str(file))
+
     def stop(self) -> None:
         """Ends it at once."""
         self.run("pg_ctl", "-D", str(self._folder / "data"), "stop", "-m", "immediate")

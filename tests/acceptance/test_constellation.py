@@ -41,7 +41,8 @@ class Constellation:
     """Postgres, SeaweedFS, and the processes that compose.yaml would start."""
 
     def __init__(self, folder: Path, postgres: Postgres, objects_server: SeaweedFS, services: dict[str, Any]) -> None:
-        self._folder, self._services = folder, services
+        self._folder, self._services, self.postgres = folder, services, postgres
+        self.moved: dict[str, str] = {}  # what stands for what in every variable
         (self._router,) = free_ports(1)
         self._places = {
             "@database/": f"@127.0.0.1:{postgres.port}/",
@@ -57,7 +58,7 @@ class Constellation:
         (zenoh_port,) = free_ports(1)
         for name, text in self._services[service]["environment"].items():
             value = substituted(str(text))
-            for place, own in (self._places | {"0.0.0.0:7448": f"127.0.0.1:{zenoh_port}"}).items():
+            for place, own in (self._places | self.moved | {"0.0.0.0:7448": f"127.0.0.1:{zenoh_port}"}).items():
                 value = value.replace(place, own)
             plain[name] = value
         home = self._folder / f"{service}-home"
@@ -107,6 +108,11 @@ class Constellation:
         assert done.returncode == 0, done.stderr
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
+
+    def copy_store(self, source: str, target: str) -> None:
+        """Runs docker/copy_store.py."""
+        command = [sys.executable, str(ROOT / "docker" / "copy_store.py"), source, target]
+        subprocess.run(command, env=self.environment("api"), check=True, timeout=PATIENCE)
 
     def until_done(self, job: str) -> dict[str, Any]:
         until = time.monotonic() + PATIENCE
@@ -210,3 +216,33 @@ def test_what_compose_starts_trains_and_serves_on_every_replica_and_over_the_rou
             assert numbers == sorted(set(numbers))  # two replicas share the stream, and none is answered twice
             assert numbers[-1] == 4
             assert {answer["model"] for answer in heard} == {"toys"}
+
+
+@pytest.mark.slow
+def test_what_was_backed_up_is_restored_beside_it_and_goes_on(constellation: Constellation, tmp_path: Path) -> None:
+    """The commands of docs/operations.md: the worker ends, the database is dumped, the store is copied after it."""
+    key = constellation.call("keys", "create", "robot")["key"]
+    train = ("jobs", "submit", "--simulate", "6", "--renderer", "raycast", "--name", "toys", "--id")
+    with constellation.started("worker", "worker.cli", "run", "--workers", "1") as worker:
+        constellation.call(*train, "one")
+        constellation.until_done("one")
+        constellation.call(*train, "two")  # at work, or still waiting, when the worker ends
+        worker.send_signal(signal.SIGTERM)
+        assert worker.wait(PATIENCE) == 0
+    dump = constellation.postgres.run("pg_dump", "--no-owner", "shape_concepts")
+    constellation.copy_store("s3://shape-concepts/store", str(tmp_path / "backup"))
+
+    constellation.postgres.run("createdb", "restored")
+    constellation.postgres.feed(dump, "psql", "--quiet", "--set=ON_ERROR_STOP=1", "restored")
+    constellation.copy_store(str(tmp_path / "backup"), "s3://shape-concepts/restored")
+    port = constellation.postgres.port
+    constellation.moved = {
+        "s3://shape-concepts/store": "s3://shape-concepts/restored",
+        f"{port}/shape_concepts": f"{port}/restored",
+    }
+
+    assert constellation.call("jobs", "show", "one")["result"]["version"] == 1
+    assert [listed["id"] for listed in constellation.call("keys", "list")["keys"]] == [key.split("_")[1]]
+    with constellation.started("worker", "worker.cli", "run", "--workers", "1"):
+        assert constellation.until_done("two")["result"]["version"] == 2
+    assert constellation.call("models", "list")["models"][0]["versions"] == [1, 2]

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
+import uvicorn
 from click.testing import CliRunner, Result
 
-from service.application import Application, CloudFile
+from service.application import Application
 from service.cli import main
 from service.clouds import write_ply
 from service.engine.errors import ModelIncompatible
-from service.main import http_app
 from service.model_file import FORMAT_VERSION, VARYING, sha256
 from service.settings import Settings
 from service.store import ModelStore
+from service.transports.rest.app import create_app
+from tests.conftest import ROOT
 from tests.learnt import learnt, objects
 
+OPERATIONS = ROOT / "docs" / "operations.md"
 REMEDY = "Use the software that published it, or train the model anew."
 
 
@@ -40,6 +48,24 @@ def aged(facts: dict[str, Any]) -> dict[str, Any]:
     return older | {"digest": sha256(json.dumps(lasting, sort_keys=True, separators=(",", ":")).encode())}
 
 
+@contextmanager
+def served(store: ModelStore) -> Iterator[httpx.Client]:
+    """A client of a server that runs on the store."""
+    application = Application(Settings(store=store.url))
+    server = uvicorn.Server(uvicorn.Config(create_app(application), host="127.0.0.1", port=0, log_level="error"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    with httpx.Client(
+        base_url=f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}", timeout=60
+    ) as client:
+        yield client
+    server.should_exit = True
+    thread.join()
+    application.close()
+
+
 @pytest.fixture
 def cloud() -> bytes:
     return write_ply(objects()[0].cloud)
@@ -57,15 +83,11 @@ def test_an_older_model_is_refused_with_what_to_do(store: ModelStore, cloud: byt
     refused = call(store, "respond", str(file))
     assert refused.exit_code == 1
     assert REMEDY in refused.output
+    assert f"{FORMAT_VERSION - 1}; this software reads {FORMAT_VERSION}. {REMEDY}" in OPERATIONS.read_text()
 
 
 def test_the_service_says_why_it_is_not_ready_and_is_once_the_alias_moves(store: ModelStore, cloud: bytes) -> None:
-    import httpx
-    from fastapi.testclient import TestClient
-
-    application = Application(Settings(store=store.url))
-    client: httpx.Client = TestClient(http_app(application))
-    with client:
+    with served(store) as client:
         not_ready = client.get("/readyz")
         assert not_ready.status_code == 503
         assert not_ready.json()["type"].endswith("model-incompatible")
@@ -73,13 +95,11 @@ def test_the_service_says_why_it_is_not_ready_and_is_once_the_alias_moves(store:
         assert client.get("/healthz").status_code == 200
         answered = client.post("/v1/responses", params={"model": "tiny:2"}, content=cloud)
         assert answered.json()["version"] == 2
-    application.close()
 
     assert call(store, "models", "promote", "tiny:2").exit_code == 0
-    application = Application(Settings(store=store.url))
-    assert application.ready().version == 2
-    assert application.respond(CloudFile(cloud)).version == 2
-    application.close()
+    with served(store) as client:
+        assert client.get("/readyz").json()["version"] == 2
+        assert client.post("/v1/responses", content=cloud).json()["version"] == 2
 
 
 def test_an_older_model_is_listed_and_the_next_version_is_published_beside_it(store: ModelStore) -> None:
