@@ -101,9 +101,7 @@ def check_image(image: Image, data: Path) -> Container:
     user = container.run("id", "-u").strip()
     check(user == image.user.partition(":")[0] != "0", f"runs as user {user}")
     tools = [tool for tool in BUILD_TOOLS if container.succeeds("sh", "-c", f"command -v {tool}")]
-    tools += [
-        name for name in ("pip", "setuptools", "ensurepip") if container.succeeds("python", "-c", f"import {name}")
-    ]
+    tools += [name for name in ("pip", "ensurepip") if container.succeeds("python", "-c", f"import {name}")]
     check(not tools, f"has no build tools {tools or ''}")
     writable = container.run("sh", "-c", "find /opt /usr /etc -not -type l -writable 2>/dev/null || true")
     check(not writable, "can write nothing of the program")
