@@ -1,6 +1,7 @@
 """Proves the Dockerfiles where there is no Docker: does what they say, step by step, and uses what comes of it.
 
-    python3 docker/prove.py [api] [worker]      as root, on a Debian with debootstrap; 10 minutes an image
+    python3 docker/prove.py [api] [worker]      as root, on a Debian with debootstrap; 10 minutes, 8 GB
+    python3 docker/prove.py --built             what was built before, once more; 2 minutes
 
 `roots.py` builds the images as folders. Then containers are played: as the image's user, with the image's environment
 and command, in namespaces of their own.
