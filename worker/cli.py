@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), default=os.cpu_count() or 1, show_default="all cores", help="Processes."
 )
+cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Scheduler of a Dask cluster that does the work, tcp://HOST:8786.  [default: SHAPE_CONCEPTS_CLUSTER, or none]",
+)
 config_option = click.option(
     "--config", metavar="FILE", type=click.Path(path_type=Path), help="TOML or JSON file with parameters of the stages."
 )
@@ -49,6 +54,7 @@ def main() -> None:
         "shape-concepts-worker simulate --count 250 --seed 7 --out clouds",
         "shape-concepts-worker simulate --count 20 --seed 1 --out boxes-and-balls --orders 1-2 --noise none",
         "shape-concepts-worker simulate --count 50 --seed 7 --out clouds --renderer raycast",
+        "shape-concepts-worker simulate --count 100000 --out clouds --cluster tcp://10.0.0.1:8786",
     )
 )
 @click.option("--count", type=click.IntRange(min=1), required=True, help="Number of objects.")
@@ -59,6 +65,7 @@ def main() -> None:
 @click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
 @config_option
 @workers_option
+@cluster_option
 @json_option
 def simulate(
     count: int,
@@ -69,17 +76,19 @@ def simulate(
     renderer: str | None,
     config: Path | None,
     workers: int,
+    cluster: str | None,
     as_json: bool,
 ) -> None:
     """Simulates abstract objects (Alg. 1) and writes their clouds, as PLY, with a contact sheet."""
     from worker.progress import watching
+    from worker.sharing import shared_out
     from worker.simulation import simulate as simulate_objects
     from worker.simulation.writing import write
 
     params = _config(config).simulation.but(orders=_orders(orders), noise=noise, renderer=renderer)
-    with watching() as watch:
+    with watching() as watch, shared_out(workers, settings_of(cluster=cluster).cluster):
         watch.stage("simulating")
-        objects = simulate_objects(count, seed, params=params, workers=workers)
+        objects = simulate_objects(count, seed, params=params)
         write(watch.count(objects, count), out)
     result = {"clouds": count, "seed": seed, "folder": str(out), "contact_sheet": str(out / "contact-sheet.png")}
     click.echo(
@@ -92,6 +101,7 @@ def simulate(
         "shape-concepts-worker train --simulate 250 --name default",
         "shape-concepts-worker train --clouds scans --name workshop --config parameters.toml",
         "shape-concepts-worker train --simulate 1000 --seed 3 --name default --alias staging",
+        "shape-concepts-worker train --simulate 10000 --name default --cluster tcp://10.0.0.1:8786",
     )
 )
 @click.option("--clouds", type=click.Path(path_type=Path), metavar="DIR", help="Learn from all clouds of this folder.")
@@ -102,6 +112,7 @@ def simulate(
 @click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
 @config_option
 @workers_option
+@cluster_option
 @json_option
 @store_option
 def train(
@@ -113,6 +124,7 @@ def train(
     renderer: str | None,
     config: Path | None,
     workers: int,
+    cluster: str | None,
     as_json: bool,
     store: str | None,
 ) -> None:
@@ -121,18 +133,18 @@ def train(
     The clouds are those of a folder, one object each as a depth camera saw it, or simulated ones. Clouds that cannot
     be learnt from are named and left out.
     """
-    from joblib import parallel_config
-
     from service.store import ModelStore, check_name
     from worker.learning.train import train as learn
     from worker.progress import watching
+    from worker.sharing import shared_out
 
     check_name(name, " model")
     check_name(alias, "n alias")
-    models = ModelStore(settings_of(store=store).store)
+    settings = settings_of(store=store, cluster=cluster)
+    models = ModelStore(settings.store)
     chosen = _config(config)
     source = _source(clouds, count, seed, chosen, renderer)
-    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+    with watching() as watch, shared_out(workers, settings.cluster):
         model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
         manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=alias)

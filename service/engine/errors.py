@@ -99,6 +99,10 @@ class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 
 
+class ClusterUnavailable(ShapeConceptsError):
+    """The Dask cluster cannot be used: it is not there, has no workers, or its workers would give other bits."""
+
+
 class NotAuthenticated(ShapeConceptsError):
     """The request bears no access key that is valid here."""
 

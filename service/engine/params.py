@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from service.engine.errors import InvalidParameter
 
+MAX_OBJECTS = 1000
+
 
 class StageParams(BaseModel):
     """Base of all stages' parameters: frozen, and closed against misspelt names."""
@@ -93,9 +95,10 @@ class HierarchyParams(StageParams):
         True, description="whole objects form a level of their own above all others, however many segments they have"
     )
     max_objects: int = Field(
-        1000,
+        MAX_OBJECTS,
         ge=2,
         le=1_000_000,
+        exclude_if=lambda count: count == MAX_OBJECTS,  # it shapes learning alone: older models that are silent load
         description="training objects whose constellations are memorised; of more, a sample's, those of the smallest "
         "content hashes: the others excite what the sample memorises, and are prototypes of concepts all the same",
     )

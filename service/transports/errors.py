@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from service.engine.errors import (
     Cancelled,
+    ClusterUnavailable,
     ConceptNotFound,
     InvalidCloud,
     InvalidParameter,
@@ -70,6 +71,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
     JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
     JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=True, private=True),
+    ClusterUnavailable: Status(503, "UNAVAILABLE", "The cluster is out of reach", retry=True, private=True),
     NotAuthenticated: Status(401, "UNAUTHENTICATED", "An access key is needed"),
     NotAllowed: Status(403, "PERMISSION_DENIED", "The access key does not allow this"),
     KeyNotFound: Status(404, "NOT_FOUND", "There is no such access key"),
