@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 10.0  # seconds
+FEWEST = 2  # workers of a cluster
 
 
 @contextmanager
@@ -65,13 +66,14 @@ def _connect(address: str, patience: float) -> Client:
 def _check(client: Client, address: str, patience: float) -> None:
     """Sees to it that there are workers, that each runs one thread, and that all run the software that runs here.
 
-    Threads of one process would change one another's number of threads for linear algebra, on which sums depend.
+    To a single worker joblib would give nothing: it does such work where it is called. Threads of one process would
+    change one another's number of threads for linear algebra, on which sums depend.
     """
     try:
-        client.wait_for_workers(1, timeout=patience)
+        client.wait_for_workers(FEWEST, timeout=patience)
     except TimeoutError as error:
         raise ClusterUnavailable(
-            f"The scheduler at {address} has no workers. Start some with "
+            f"The scheduler at {address} has {len(client.nthreads())} workers, and needs {FEWEST}. Start some with "
             f"'dask worker {address} --nworkers N --nthreads 1'."
         ) from error
     threads = client.nthreads()

@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Timer
 
 import pytest
+from joblib import Parallel, delayed
 
 from service.engine.errors import ClusterUnavailable
 from service.engine.params import HierarchyParams, ModelParams
@@ -68,6 +69,18 @@ def bits(simulated: SimulatedObject) -> tuple[bytes, ...]:
     return tuple(a.tobytes() for a in (simulated.cloud.points, simulated.labels, simulated.faces))
 
 
+def test_a_cluster_does_the_work_and_leaves_none_to_this_machine(cluster: str):
+    with shared_out(1, cluster):
+        busy = set(Parallel()(delayed(_pid)() for _ in range(40)))
+    assert len(busy) == 2
+    assert os.getpid() not in busy
+
+
+def _pid() -> int:
+    time.sleep(0.02)
+    return os.getpid()
+
+
 def test_a_cluster_learns_the_same_model_bit_for_bit(cluster: str):
     with shared_out(1, cluster):
         model = train(named_clouds(), ModelParams()).model
@@ -108,12 +121,12 @@ def test_a_scheduler_that_is_not_there_is_told_of(address: str):
         pass
 
 
-def test_workers_that_are_not_there_or_have_several_threads_are_told_of(tmp_path: Path):
+def test_too_few_workers_or_such_of_several_threads_are_told_of(tmp_path: Path):
     with scheduler(tmp_path) as address:
-        with pytest.raises(ClusterUnavailable, match="has no workers"), shared_out(1, address, patience=1):
+        with pytest.raises(ClusterUnavailable, match="0 workers, and needs 2"), shared_out(1, address, patience=1):
             pass
         refused = pytest.raises(ClusterUnavailable, match="2 threads")
-        with worker(address, threads=2), refused, shared_out(1, address, patience=60):
+        with worker(address, threads=2), worker(address), refused, shared_out(1, address, patience=60):
             pass
 
 
