@@ -64,6 +64,20 @@ class AliasLog:
 
         self._append(entry)
 
+    def exchange(self, before: int | None, version: int) -> bool:
+        """Lets the alias mean a version if it means another one still; returns whether it means the version then.
+
+        Args:
+            before: what the alias has to mean; None for nothing.
+            version: what it shall mean.
+        """
+
+        def entry(held: list[int]) -> tuple[int, str] | None:
+            means = held[-1] if held else None
+            return (version, "promote") if means == before and means != version else None
+
+        return self._append(entry) is not None or self.current() == version
+
     def rollback(self, leaving: int | None = None) -> int | None:
         """Lets the alias mean what it meant before its last promotion, and again, before the one before.
 

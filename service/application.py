@@ -24,10 +24,12 @@ from service.catalogue import (
     tell_tree,
 )
 from service.choosing import Choosing, Meant
+from service.comparing import Version, VersionComparison, compare_versions
+from service.dataset_cases import DatasetCases
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
 from service.engine.model import OnStage, ignore_stage
-from service.jobs import Job, Jobs, JobSpec
+from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.metrics import State
@@ -35,10 +37,13 @@ from service.model_file import Manifest
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
+from service.schedules import Schedules
+from service.scheduling import Scheduling
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
+from service.training import Training
 
 
 class CloudFile(NamedTuple):
@@ -105,13 +110,16 @@ class Application:
         self.settings = settings
         self.telemetry = telemetry or Telemetry()
         self.store = ModelStore(settings.store)
+        self.datasets = DatasetCases(self.store, settings)
         self.pool = Pool(settings.workers, settings.queue, self.telemetry.metrics.waits.observe)
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
-        self._jobs = Jobs(settings.jobs_url)
+        jobs = Jobs(settings.jobs_url)
+        self.training = Training(jobs, self.store)
+        self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
-        self.access = Gate(self.valid_keys if needs_keys(settings) else None)
+        self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
         self.telemetry.metrics.watch(self._state)
 
     @property
@@ -123,7 +131,8 @@ class Application:
         """Waits for the work under way."""
         self.pool.close()
         self._answers.close()
-        self._jobs.close()
+        self.scheduling.close()
+        self.training.close()
         self.telemetry.close()
 
     def respond(
@@ -138,6 +147,7 @@ class Application:
         stimuli: bool = False,
         explain: bool = False,
         segments: bool = False,
+        max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
@@ -153,6 +163,7 @@ class Application:
             stimuli: whether the stimuli vector is part of the answer.
             explain: whether the answer says why it is what it is.
             segments: whether it says of each point of the cloud to which segment it belongs.
+            max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
 
         Raises:
@@ -163,7 +174,7 @@ class Application:
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            points = self._points(cloud)
+            points = self._points(cloud, max_points)
             response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
@@ -182,6 +193,7 @@ class Application:
         stimuli: bool = False,
         explain: bool = False,
         segments: bool = False,
+        max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
@@ -197,7 +209,7 @@ class Application:
         shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            sent = self._scene(scene)
+            sent = self._scene(scene, max_points)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -314,6 +326,20 @@ class Application:
         """The spanning tree of a version's topological space."""
         return tell_tree(Meant(self._choosing.source(), name, version).model(), (name, version))
 
+    def compare(self, old: tuple[str, int], new: tuple[str, int]) -> VersionComparison:
+        """Which concepts of one version persist, merge, split or disappear in another one. Runs on the caller's thread.
+
+        Args:
+            old: name and version of the model that concepts come from.
+            new: name and version of the one that they go to.
+
+        Raises:
+            InvalidParameter: there is nothing to compare them by.
+        """
+        source = self._choosing.source()
+        meant = (Meant(source, *which) for which in (old, new))
+        return compare_versions(*(Version(m.name, m.version, m.model(), m.names()) for m in meant))
+
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
         return self._answers.get("the access keys", self._keys.valid)
@@ -358,27 +384,11 @@ class Application:
         self._answers.forget()
         return version
 
-    def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
-        """Puts a job into the queue; submitted again under the same id, it is the same job."""
-        return self._jobs.submit(spec, job_id)
+    def _points(self, cloud: CloudFile | PointCloud, max_points: int | None) -> PointCloud:
+        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points).cloud
 
-    def job(self, job_id: str) -> Job:
-        """A job as it stands."""
-        return self._jobs.show(job_id)
-
-    def jobs(self, limit: int | None = None) -> list[Job]:
-        """Jobs, the one submitted last first."""
-        return self._jobs.recent(limit)
-
-    def cancel(self, job_id: str) -> Job:
-        """Takes a job from the queue, or stops it."""
-        return self._jobs.cancel(job_id)
-
-    def _points(self, cloud: CloudFile | PointCloud) -> PointCloud:
-        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud).cloud
-
-    def _scene(self, cloud: CloudFile | clouds.SceneCloud) -> clouds.SceneCloud:
-        limit = self.settings.max_points
+    def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
+        limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)
         if isinstance(cloud, clouds.SceneCloud):
             if len(cloud.cloud.points) > limit:
                 raise TooManyPoints(f"The cloud has {len(cloud.cloud.points)} points; at most {limit} are taken.")

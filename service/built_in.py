@@ -5,13 +5,9 @@ The folder `default_model` is a store like any other, written by `./run default-
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from service.store import ModelStore
-
-FOLDER = Path(__file__).with_name("default_model")
+from service.store import SHIPPED, ModelStore
 
 
 def built_in() -> ModelStore:
     """The store of the built-in model; to be read only."""
-    return ModelStore(FOLDER)
+    return ModelStore(SHIPPED)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import click
 
 from service import __version__
+from service.commands.datasets import datasets
 from service.commands.jobs import jobs
 from service.commands.keys import keys
 from service.commands.models import models
@@ -16,6 +17,7 @@ from service.commands.names import names
 from service.commands.options import settings_of, store_option
 from service.commands.reporting import ReportingGroup, examples
 from service.commands.respond import respond
+from service.commands.schedules import schedules
 from service.commands.watch import watch
 
 
@@ -62,7 +64,7 @@ def serve(host: str | None, port: int | None, grpc_port: int | None, store: str 
     serve(settings_of(host=host, port=port, grpc_port=grpc_port, store=store))
 
 
-for command in (respond, models, names, jobs, keys, watch):
+for command in (respond, models, names, datasets, jobs, schedules, keys, watch):
     main.add_command(command)
 
 if __name__ == "__main__":

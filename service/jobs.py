@@ -1,7 +1,7 @@
 """Jobs: work that is asked for here and done by a worker, which finishes it even when it is killed in between.
 
-This is the side of those who ask: it submits, looks and cancels, and needs the job engine (DBOS) only when it is used.
-The worker's side is `worker/jobs.py`.
+This is the side of those who ask: it submits, looks, cancels and retries, and needs the job engine (DBOS) only when it
+is used. The worker's side is `worker/jobs.py`.
 """
 
 from __future__ import annotations
@@ -10,109 +10,51 @@ import importlib
 import logging
 import re
 import sqlite3
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
-
-from service.engine import errors
-from service.engine.errors import InvalidParameter, JobNotFound, JobsUnavailable, ShapeConceptsError
-from service.engine.params import ModelParams
+from service.engine.errors import InvalidParameter, JobConflict, JobNotFound, JobsUnavailable
+from service.job import ENGINE_STATES, Job, State, read_job
+from service.job_records import JobRecords, LogLine
+from service.job_specs import KINDS, JobSpec, check_id
 from service.model_file import NAME
 
 if TYPE_CHECKING:
-    from dbos import DBOSClient, WorkflowStatus
+    from dbos import DBOSClient
 
 APPLICATION = "shape-concepts"
-STEPS_VERSION = "1"  # of the steps a job consists of: another one waits for workers that know it
+STEPS_VERSION = "2"  # of the steps a job consists of: another one waits for workers that know it
 QUEUE = "jobs"
-TRAIN: Final = "train"
+KEPT = timedelta(days=7)  # as long, what a job that failed or was cancelled has made so far is kept for a retry
+MARGIN = timedelta(days=1)  # before that, a retry no longer counts on it
+CHUNK = 100  # jobs that are looked at together
 
 SILENCE = logging.NullHandler()
 
-State = Literal["queued", "running", "done", "failed", "cancelled"]
-STATES: dict[str, State] = {
-    "ENQUEUED": "queued",
-    "DELAYED": "queued",
-    "PENDING": "running",
-    "SUCCESS": "done",
-    "ERROR": "failed",
-    "MAX_RECOVERY_ATTEMPTS_EXCEEDED": "failed",
-    "CANCELLED": "cancelled",
-}
+
+class JobPage(NamedTuple):
+    """Jobs, the one submitted last first.
+
+    Attributes:
+        jobs: of this page.
+        next: what the next page begins before; None if there is none.
+    """
+
+    jobs: list[Job]
+    next: str | None
 
 
-class JobSpec(BaseModel):
-    """What a training job is to do."""
+class Look(NamedTuple):
+    """A job as it stands, and the lines that its log has more."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    kind: Literal["train"] = Field(TRAIN, description="the work: learn concepts and publish them")
-    name: str = Field(pattern=f"^{NAME}$", max_length=63, description="name of the model")
-    alias: str | None = Field(
-        "production", pattern=f"^{NAME}$", max_length=63, description="alias that shall mean the new version, if any"
-    )
-    simulate: int | None = Field(None, ge=2, description="learn from so many simulated objects")
-    clouds: str | None = Field(None, description="learn from all clouds of this folder, as the worker sees it")
-    seed: int = Field(7, ge=0, description="seed of all random draws")
-    params: ModelParams = Field(default_factory=ModelParams, description="parameters of every stage")
-    simulation: dict[str, JsonValue] = Field(
-        default_factory=dict, description="parameters of the simulation that differ from the default"
-    )
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        if (self.simulate is None) == (self.clouds is None):
-            raise ValueError("give one of simulate and clouds")
-        return self
-
-    @classmethod
-    def of(cls, **given: Any) -> JobSpec:
-        """The job that these values describe.
-
-        Raises:
-            InvalidParameter: they describe none.
-        """
-        try:
-            return cls(**given)
-        except ValidationError as error:
-            said = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'job'}: {e['msg']}" for e in error.errors())
-            raise InvalidParameter(f"There cannot be such a job: {said}.") from error
-
-
-class JobResult(BaseModel):
-    """What a training job has made."""
-
-    model: str = Field(description="name of the model")
-    version: int = Field(ge=1, description="the version published")
-    clouds: int = Field(description="clouds that it was learnt from")
-    left_out: int = Field(description="clouds that could not be learnt from")
-
-
-class JobError(BaseModel):
-    """Why a job failed."""
-
-    type: str = Field(description="stable, kebab-case name of the error")
-    detail: str = Field(description="what was wrong, and what to try")
-
-
-class Job(BaseModel):
-    """A job, as it stands."""
-
-    id: str = Field(description="names the job")
-    state: State = Field(description="queued, running, done, failed or cancelled")
-    spec: JobSpec = Field(description="what it is to do")
-    submitted: datetime = Field(description="UTC")
-    started: datetime | None = Field(description="when a worker last took it, UTC")
-    finished: datetime | None = Field(description="UTC")
-    worker: str | None = Field(description="the worker that last took it")
-    result: JobResult | None = Field(description="what it has made")
-    error: JobError | None = Field(description="why it failed")
+    job: Job
+    lines: list[LogLine]
 
 
 class Jobs:
@@ -127,6 +69,7 @@ class Jobs:
 
     def __init__(self, url: str) -> None:
         self.url = url
+        self.records = JobRecords(url)
 
     def submit(self, spec: JobSpec, job_id: str | None = None) -> Job:
         """Puts a job into the queue.
@@ -138,19 +81,17 @@ class Jobs:
         Raises:
             InvalidParameter: the id is of another form, or another job bears it.
         """
-        chosen = job_id or str(uuid.uuid4())
-        if not re.fullmatch(NAME, chosen) or len(chosen) > 63:
-            raise InvalidParameter(
-                f"'{chosen}' cannot be the id of a job: lower-case letters, digits and hyphens, at most 63."
-            )
+        chosen = str(uuid.uuid4()) if job_id is None else job_id
+        check_id(chosen)
         with reporting(self.url):
             prepare(self.url)
             self._client.enqueue(
                 {
-                    "workflow_name": TRAIN,
+                    "workflow_name": spec.kind,
                     "queue_name": QUEUE,
                     "workflow_id": chosen,
                     "app_version": STEPS_VERSION,
+                    "priority": self.records.enter(chosen),
                 },
                 spec.model_dump(mode="json"),
             )
@@ -165,14 +106,47 @@ class Jobs:
         Raises:
             JobNotFound: there is none of that id.
         """
-        found = self._find(workflow_ids=[job_id])
+        found = self._find(workflow_ids=[job_id]) if re.fullmatch(NAME, job_id) else []
         if not found:
-            raise JobNotFound(f"There is no job '{job_id}'.")
+            raise JobNotFound(f"There is no job '{job_id[:100]}'.")
         return found[0]
 
-    def recent(self, limit: int | None = None) -> list[Job]:
-        """Jobs, the one submitted last first."""
-        return self._find(limit=limit, sort_desc=True)
+    def page(self, limit: int = 20, before: str | None = None, state: State | None = None) -> JobPage:
+        """Jobs, the one submitted last first.
+
+        Args:
+            limit: how many at most.
+            before: id of a job: those that were submitted before it; None for the newest.
+            state: of the jobs; None for all.
+
+        Raises:
+            JobNotFound: there is no job that the page could begin before.
+        """
+        if before is not None:
+            self.show(before)
+        elif not self._is_there():
+            return JobPage([], None)
+        with reporting(self.url):
+            place = None if before is None else self.records.enter(before)
+            names = [name for name, meant in ENGINE_STATES.items() if state in (None, meant)]
+            found: list[Job] = []
+            while len(found) <= limit and (chunk := self.records.before(place, CHUNK)):
+                place = chunk[-1][1]
+                jobs = {job.id: job for job in self._find(workflow_ids=[job for job, _ in chunk], status=names)}
+                found += [jobs[job] for job, _ in chunk if job in jobs]
+        return JobPage(found[:limit], found[limit - 1].id if len(found) > limit else None)
+
+    def look(self, job_id: str, after: int = 0) -> Look:
+        """A job as it stands, and the lines of its log after that of a number.
+
+        The job is looked at first: when it is over, no later line is of its work.
+
+        Raises:
+            JobNotFound: there is none of that id.
+        """
+        job = self.show(job_id)
+        with reporting(self.url):
+            return Look(job, self.records.lines(job_id, after))
 
     def cancel(self, job_id: str) -> Job:
         """Takes a job from the queue, or stops it; one that is over stays as it is.
@@ -180,16 +154,62 @@ class Jobs:
         Raises:
             JobNotFound: there is none of that id.
         """
-        job = self.show(job_id)
-        if job.state in ("queued", "running"):
+        if not self.show(job_id).over:
             with reporting(self.url):
                 self._client.cancel_workflow(job_id)
+                self.note(job_id, "cancelled")
         return self.show(job_id)
+
+    def retry(self, job_id: str) -> Job:
+        """Lets a job that failed or was cancelled go on, with the stage at which it ended.
+
+        Nothing happens to one that waits or is at work.
+
+        Raises:
+            JobNotFound: there is none of that id.
+            JobConflict: it is done.
+        """
+        job = self.show(job_id)
+        if job.state == "done":
+            raise JobConflict(f"The job '{job_id}' is done; submit another one to do it again.")
+        if job.over:
+            with reporting(self.url):
+                self.records.begin_anew(job_id)
+                try:
+                    self._client.rewind_workflow(
+                        job_id, start_step=self._resuming(job), application_version=STEPS_VERSION, queue_name=QUEUE
+                    )
+                except engine().error.DBOSException:
+                    if self.show(job_id).over:  # else somebody else has just retried it
+                        raise
+                else:
+                    self.note(job_id, "queued again")
+        return self.show(job_id)
+
+    def note(self, job_id: str, line: str) -> None:
+        """Writes a line to a job's log."""
+        self.records.write(job_id, [(time.time(), line)])
+
+    # For workers
+
+    def owners(self) -> dict[str, str]:
+        """The jobs at work, and the worker of each."""
+        with reporting(self.url):
+            running = self._client.list_workflows(
+                name=list(KINDS), status="PENDING", load_input=False, load_output=False
+            )
+            return {status.workflow_id: status.executor_id or "" for status in running}
+
+    def hand_back(self, job_id: str) -> None:
+        """Puts a job that its worker is not at any longer into the queue again; finished stages are kept."""
+        with reporting(self.url):
+            self._client.resume_workflow(job_id, queue_name=QUEUE)
 
     def close(self) -> None:
         """Lets the database go."""
         if "_client" in self.__dict__:
             self._client.destroy()
+        self.records.close()
 
     @cached_property
     def _client(self) -> DBOSClient:
@@ -201,12 +221,26 @@ class Jobs:
             retry_connection_errors=False,
         )
 
-    def _find(self, **which: Any) -> list[Job]:
+    def _resuming(self, job: Job) -> int:
+        """Number of the step that a retry begins with: the first that has no result which is still there."""
+        if job.finished is None or datetime.now(UTC) - job.finished > KEPT - MARGIN:
+            return 1
+        steps = self._client.list_workflow_steps(job.id)
+        good = {step["function_id"] for step in steps if step["error"] is None}
+        return next(number for number in range(1, len(good) + 2) if number not in good)
+
+    def _is_there(self) -> bool:
+        """Whether there is a database; if not, nothing was ever submitted, and to look must not make one."""
         file = sqlite_file(self.url)
-        if file is not None and not file.exists():  # nothing was ever submitted; to look must not make a database
+        return file is None or file.exists()
+
+    def _find(self, **which: Any) -> list[Job]:
+        if not self._is_there():
             return []
         with reporting(self.url):
-            return [_job(status) for status in self._client.list_workflows(name=TRAIN, **which)]
+            found = self._client.list_workflows(name=list(KINDS), **which)
+            progress = self.records.progress([status.workflow_id for status in found])
+            return [read_job(status, progress.get(status.workflow_id)) for status in found]
 
 
 def engine() -> Any:
@@ -231,6 +265,9 @@ def prepare(url: str) -> None:
             connection.execute("PRAGMA journal_mode=WAL")
         connection.close()
     engine().DBOS.migrate(url)
+    records = JobRecords(url)
+    records.prepare()
+    records.close()
 
 
 def sqlite_file(url: str) -> Path | None:
@@ -268,33 +305,3 @@ def plain(url: str) -> str:
     from sqlalchemy.engine import make_url
 
     return make_url(url).render_as_string(hide_password=True)
-
-
-def _job(status: WorkflowStatus) -> Job:
-    state = STATES[status.status]
-    inputs: Any = status.input
-    return Job(
-        id=status.workflow_id,
-        state=state,
-        spec=JobSpec.model_validate(inputs["args"][0]),
-        submitted=_time(status.created_at) or datetime.now(UTC),
-        started=_time(status.dequeued_at),
-        finished=_time(status.completed_at),
-        worker=status.executor_id if state != "queued" else None,
-        result=JobResult.model_validate(status.output) if state == "done" else None,
-        error=_error(status) if state == "failed" else None,
-    )
-
-
-def _error(status: WorkflowStatus) -> JobError:
-    if status.status != "ERROR":
-        return JobError(type="internal", detail="It was begun too often without coming to an end.")
-    name, detail = getattr(status.error, "name", type(status.error).__name__), str(status.error)
-    known = getattr(errors, name, None)
-    if isinstance(known, type) and issubclass(known, ShapeConceptsError):
-        return JobError(type=known.type_name(), detail=detail)
-    return JobError(type="internal", detail=f"Something unexpected went wrong: {name}. The worker's log says more.")
-
-
-def _time(milliseconds: int | None) -> datetime | None:
-    return None if milliseconds is None else datetime.fromtimestamp(milliseconds / 1000, UTC)

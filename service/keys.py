@@ -39,8 +39,11 @@ class AccessKey(BaseModel):
     scopes: tuple[Scope, ...] = Field(min_length=1, description="what it allows: answer, train, manage")
     sha256: str = Field(description="of the secret, hexadecimal")
     created: datetime = Field(description="UTC")
-    rate: float | None = Field(None, gt=0, le=1e6, description="requests per second; null for no limit")
+    rate: float | None = Field(None, gt=0, le=1e6, description="requests and clouds per second; null for no limit")
     concurrency: int | None = Field(None, ge=1, le=10_000, description="requests at the same time; null for no limit")
+    max_body: int | None = Field(None, ge=1024, description="largest request body, bytes; null for the service's limit")
+    max_points: int | None = Field(None, ge=100, description="largest cloud, points; null for the service's limit")
+    max_batch: int | None = Field(None, ge=1, description="largest batch, clouds; null for the service's limit")
 
 
 class IssuedKey(NamedTuple):
@@ -58,15 +61,27 @@ class KeyStore:
         self._read: dict[str, AccessKey] = {}
 
     def create(
-        self, name: str, scopes: tuple[Scope, ...], rate: float | None = None, concurrency: int | None = None
+        self,
+        name: str,
+        scopes: tuple[Scope, ...],
+        rate: float | None = None,
+        concurrency: int | None = None,
+        *,
+        max_body: int | None = None,
+        max_points: int | None = None,
+        max_batch: int | None = None,
     ) -> IssuedKey:
         """Makes a key.
 
         Args:
             name: whose it is, 1 to 100 characters.
             scopes: what it allows.
-            rate: requests per second that it may make of each replica; None for no limit.
+            rate: requests per second that it may make of each replica, each cloud of a batch or a stream counting as
+                one; None for no limit.
             concurrency: requests that it may have under way at each replica; None for no limit.
+            max_body: largest body of its requests, bytes; None for the service's limit, which holds in any case.
+            max_points: largest of its clouds, points; as above.
+            max_batch: largest of its batches, clouds; as above.
 
         Raises:
             InvalidParameter: the name, the scopes or the limits are not of that kind.
@@ -81,6 +96,9 @@ class KeyStore:
                 created=datetime.now(UTC).replace(microsecond=0),
                 rate=rate,
                 concurrency=concurrency,
+                max_body=max_body,
+                max_points=max_points,
+                max_batch=max_batch,
             )
         except ValidationError as error:
             faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())

@@ -8,6 +8,8 @@ import signal
 import sys
 import threading
 from contextlib import AsyncExitStack
+from types import FrameType
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -21,7 +23,9 @@ from service.settings import Settings
 from service.telemetry import Telemetry
 from service.transports.grpc.server import serving as serving_grpc
 from service.transports.open_inference import rest as open_inference
+from service.transports.open_inference.description import describe_in
 from service.transports.open_inference.servicer import served as open_inference_served
+from service.transports.rest.access import without_need_of_keys
 from service.transports.rest.app import create_app
 from service.transports.rest.examples import CLOUD_XYZ
 from service.transports.zenoh.server import serving as serving_zenoh
@@ -31,6 +35,7 @@ log = logging.getLogger(__name__)
 SWITCH = (
     0.001  # seconds that a thread at work keeps the interpreter from the event loop, which does so little each time
 )
+IDLE = 75  # seconds that a connection may idle: longer than clients keep one, who so never use one that is being closed
 GRACE = 30  # seconds that requests under way have when the service is told to end
 
 
@@ -62,12 +67,32 @@ def http_app(application: Application) -> FastAPI:
     """All that is answered over HTTP; what one transport does around its answers is done around the other's."""
     app = create_app(application)
     app.router.routes.append(Route(open_inference.PATHS, open_inference.create_app(application)))
+    describe = app.openapi
+
+    def described() -> dict[str, Any]:
+        document = describe_in(describe())
+        return without_need_of_keys(document) if application.access.open else document
+
+    app.openapi = described  # type: ignore[method-assign] # as FastAPI's documentation has it
     return app
+
+
+class _Server(uvicorn.Server):
+    """An HTTP server that lets those who follow jobs go when it is told to end: they would stay for hours."""
+
+    def __init__(self, config: uvicorn.Config, application: Application) -> None:
+        super().__init__(config)
+        self._application = application
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Called with the signal that tells it to end."""
+        self._application.training.ending.set()
+        super().handle_exit(sig, frame)
 
 
 async def _serve(application: Application, settings: Settings) -> None:
     """Opens every transport, the HTTP server last: it is the one that waits for the signals."""
-    server = uvicorn.Server(
+    server = _Server(
         uvicorn.Config(
             http_app(application),
             host=settings.host,
@@ -76,8 +101,10 @@ async def _serve(application: Application, settings: Settings) -> None:
             access_log=False,  # telemetry writes a line a request, for every transport
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
+            timeout_keep_alive=IDLE,
             timeout_graceful_shutdown=GRACE,
-        )
+        ),
+        application,
     )
     async with AsyncExitStack() as stack:
         stack.callback(application.close)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+import re
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, Literal
@@ -19,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from safetensors import SafetensorError
 
 from service import __version__
-from service.engine.errors import ModelDamaged, ModelIncompatible
+from service.engine.errors import InvalidParameter, ModelDamaged, ModelIncompatible
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 
@@ -27,8 +28,13 @@ FORMAT: Final = "shape-concepts-model"
 FORMAT_VERSION = 4
 TENSORS = "model.safetensors"
 NAME = r"[a-z0-9][a-z0-9-]*"
-VARYING = ("name", "version", "created", "digest")  # what two publications of one model may differ in
+VARYING = ("name", "version", "created", "job", "digest")  # what two publications of one model may differ in
 FOREIGN = {b"\x80": "a Python pickle", b"PK": "a zip archive, as PyTorch writes", b"\x89HDF": "an HDF5 file"}
+
+
+def _untold(value: object) -> bool:
+    """Whether a manifest leaves a field out: models that were published before it existed keep their digests."""
+    return value is None
 
 
 class Content(BaseModel):
@@ -53,6 +59,18 @@ class Manifest(BaseModel):
     seed: int = Field(description="seed of all random draws of the training")
     params: ModelParams = Field(description="parameters of every stage")
     source: dict[str, JsonValue] = Field(description="where the training clouds came from")
+    parent: str | None = Field(
+        None,
+        pattern=rf"^{NAME}:[0-9]{{1,8}}$",
+        description="NAME:VERSION of the model that this one follows, if it was told",
+        exclude_if=_untold,
+    )
+    metrics: dict[str, float] | None = Field(
+        None,
+        description="figures by which it was judged before it was published, in [0, 1], 1 is best",
+        exclude_if=_untold,
+    )
+    job: str | None = Field(None, description="id of the job that made it, if one did", exclude_if=_untold)
     counts: dict[str, int | list[int]] = Field(
         description="how many prototypes, concepts, motif vertices and the like it holds"
     )
@@ -66,13 +84,23 @@ class Manifest(BaseModel):
     contents: dict[str, Content] = Field(description="files of the model and their hashes")
     libraries: dict[str, str] = Field(description="versions of the software that trained it")
     digest: str = Field(
-        description="SHA-256 of this manifest as compact JSON with sorted keys, without name, version, created and "
-        "digest: equal for models that are the same bit for bit"
+        description="SHA-256 of this manifest as compact JSON with sorted keys, without name, version, created, job "
+        "and digest: equal for models that are the same bit for bit"
     )
 
 
 def describe(
-    model: ShapeModel, data: bytes, *, name: str, version: int, created: datetime, seed: int, source: dict[str, Any]
+    model: ShapeModel,
+    data: bytes,
+    *,
+    name: str,
+    version: int,
+    created: datetime,
+    seed: int,
+    source: dict[str, Any],
+    parent: str | None = None,
+    metrics: dict[str, float] | None = None,
+    job: str | None = None,
 ) -> Manifest:
     """The manifest of a model about to be published.
 
@@ -84,6 +112,9 @@ def describe(
         created: time of publication.
         seed: of the training.
         source: where the training clouds came from, JSON-able.
+        parent: NAME:VERSION of the model that it follows.
+        metrics: figures by which it was judged.
+        job: id of the job that made it.
     """
     manifest = Manifest(
         name=name,
@@ -92,6 +123,9 @@ def describe(
         seed=seed,
         params=model.params,
         source=source,
+        parent=parent,
+        metrics=metrics,
+        job=job,
         contents={TENSORS: Content(sha256=sha256(data), size=len(data))},
         libraries=libraries(),
         digest="",
@@ -242,3 +276,20 @@ def libraries() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return versions
+
+
+def check_name(name: str, what: str) -> None:
+    """Refuses a name that no model, alias or dataset can have.
+
+    Args:
+        name: the name.
+        what: how the message goes on after "the name of a": " model", "n alias".
+
+    Raises:
+        InvalidParameter: it is not of the form of `NAME`.
+    """
+    if not re.fullmatch(NAME, name) or len(name) > 63:
+        raise InvalidParameter(
+            f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "
+            "start with a letter or digit, and have at most 63 characters."
+        )

@@ -1,10 +1,13 @@
-"""The use cases on names of concepts: give, take away, look back, and propose from labelled clouds."""
+"""The use cases on names of concepts: give, take away, look back, carry over, and propose from labelled clouds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from service.answer import Answer
+from service.carrying import CarriedName, keep_carried, names_to_carry
+from service.comparing import WORK
+from service.engine.compare import affordable
 from service.engine.concepts import is_concept
 from service.engine.errors import ConceptNotFound, InvalidParameter
 from service.lately import Answers, Models
@@ -78,14 +81,39 @@ class Naming:
             self._change(name, version, dict(named))
         return proposals
 
+    def carry(self, source: tuple[str, int], target: tuple[str, int]) -> list[CarriedName]:
+        """Carries the names of one version over to another one, where they fit and nobody has named the concept.
+
+        Args:
+            source: name and version of the model that has names.
+            target: name and version of the one that gets them.
+
+        Raises:
+            InvalidParameter: it is the same version, or there is nothing to compare them by.
+        """
+        if source == target:
+            raise InvalidParameter(f"{'{}:{}'.format(*source)} has its own names already: say another version.")
+        self._refuse_fixed(*target)
+        names = self.names(*source).of
+        if not names:
+            return []
+        old, new = self._models.get(*source), self._models.get(*target)
+        fitting = names_to_carry(old, names, new, affordable(old, new, WORK))
+        kept = keep_carried(self._store, source, target, fitting)
+        self._answers.forget()
+        return kept
+
     def _change(self, name: str, version: int, changed: dict[int, str | None]) -> None:
+        self._refuse_fixed(name, version)
+        self._store.concept_names(name, version).change(changed)
+        self._answers.forget()
+
+    def _refuse_fixed(self, name: str, version: int) -> None:
         if self._fixed:
             raise InvalidParameter(
                 f"{name}:{version} came with the service, and its concepts cannot be named: train and publish a model "
                 "of your own, with shape-concepts-worker train --simulate 250 --name default"
             )
-        self._store.concept_names(name, version).change(changed)
-        self._answers.forget()
 
     def _require(self, name: str, version: int, concept: int) -> None:
         if not is_concept(self._models.get(name, version).filtration, concept):

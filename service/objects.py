@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from datetime import timedelta
+from datetime import datetime, timedelta
+from itertools import islice
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 from urllib.parse import unquote, urlsplit
 
 import obstore
@@ -20,6 +22,21 @@ from service.engine.errors import StoreUnavailable
 
 STALE = 3600.0  # seconds after which what a killed writer left is swept
 RETRY = {"max_retries": 3, "retry_timeout": timedelta(seconds=15)}
+AT_ONCE = 16  # small objects that are asked for at the same time: a bucket takes milliseconds for each
+
+
+class Found(NamedTuple):
+    """An object as a listing tells it.
+
+    Attributes:
+        key: of the object.
+        size: bytes.
+        modified: when it was last written, by the store's clock.
+    """
+
+    key: str
+    size: int
+    modified: datetime
 
 
 class Objects:
@@ -70,11 +87,58 @@ class Objects:
                 pass
         raise FileNotFoundError(key)
 
+    def get_each(self, keys: Sequence[str]) -> Iterator[bytes | None]:
+        """The bytes of many small objects, in their order, several asked for at a time; None where there is none."""
+
+        def get(key: str) -> bytes | None:
+            try:
+                return self.get(key)
+            except FileNotFoundError:
+                return None
+
+        waiting = iter(keys)
+        with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="objects") as threads:
+            while some := list(islice(waiting, 16 * AT_ONCE)):
+                yield from threads.map(get, some)
+
+    def put_each(self, objects: Sequence[tuple[str, bytes]]) -> None:
+        """Writes many small objects, several at a time, replacing what was there."""
+        with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="objects") as threads:
+            for _ in threads.map(lambda entry: self.put(*entry), objects):
+                pass
+
+    def find(self, key: str) -> Found | None:
+        """What there is of a key; None if there is nothing."""
+        with self._reporting("read"):
+            try:
+                if (store := self._readable()) is not None:
+                    return _found(obstore.head(store, key))
+            except FileNotFoundError:
+                pass
+        return None
+
+    def listing(self, folder: str) -> list[Found]:
+        """All objects below a folder, by key."""
+        with self._reporting("read"):
+            if (store := self._readable()) is None:
+                return []
+            return sorted(_found(meta) for meta in obstore.list(store, folder, chunk_size=1000).collect())
+
     def remove(self, folder: str) -> None:
         """Removes all objects below a folder, if there are any."""
-        if keys := self.keys(folder):
-            with self._reporting("written"):
-                obstore.delete(self._writable(), keys)
+        self.discard(self.keys(folder))
+
+    def discard(self, keys: Sequence[str]) -> None:
+        """Removes objects; those that are not there do no harm."""
+        with self._reporting("written"):
+            if not keys or (store := self._readable()) is None:
+                return
+            try:
+                obstore.delete(store, keys)
+            except FileNotFoundError:  # somebody else was quicker with one of them: the others are still to go
+                for key in keys:
+                    with suppress(FileNotFoundError):
+                        obstore.delete(store, key)
 
     def keys(self, folder: str, after: str | None = None) -> list[str]:
         """Keys of all objects below a folder, sorted; only those after a key, if one is given."""
@@ -135,6 +199,10 @@ class Objects:
         except (BaseError, OSError, ValueError) as error:
             reason = (str(error).strip() or type(error).__name__).splitlines()[0].partition(": <?xml")[0]
             raise StoreUnavailable(f"The store {self.url} cannot be {done}: {reason}") from error
+
+
+def _found(meta: Any) -> Found:
+    return Found(meta["path"], meta["size"], meta["last_modified"])
 
 
 def _folder(url: str) -> Path | None:

@@ -57,6 +57,12 @@ class Settings(BaseSettings):
         description="scheduler of the Dask cluster that does the work of training: tcp://HOST:8786; by default this "
         "machine's cores do",
     )
+    worker_lease: float = Field(
+        30.0,
+        ge=3,
+        description="after this time without a sign of life a worker is taken for dead, and others take its job over, "
+        "seconds",
+    )
     built_in: bool = Field(
         True, description="whether the model that comes with the service answers as long as the store holds none"
     )
@@ -91,6 +97,10 @@ class Settings(BaseSettings):
     )
     body_timeout: float = Field(60.0, gt=0, description="longest time a request's body may take to arrive, seconds")
     body_pause: float = Field(10.0, gt=0, description="longest pause within a request's body, seconds")
+    max_archive: int = Field(2048 * MEBIBYTE, ge=1024, description="largest archive of clouds, bytes")
+    max_unpacked: int = Field(8192 * MEBIBYTE, ge=1024, description="all files of an archive together, unpacked, bytes")
+    max_entries: int = Field(100_000, ge=1, description="files and folders in an archive, entries")
+    archive_timeout: float = Field(3600.0, gt=0, description="longest time an archive may take to arrive, seconds")
     max_batch: int = Field(64, ge=1, le=1000, description="largest batch, clouds")
     max_points: int = Field(5_000_000, ge=100, description="largest cloud, points")
     max_objects: int = Field(

@@ -6,6 +6,7 @@ Layout, below the store's URL:
     models/<name>/versions/<8 digits>.json         manifests; a version exists when its manifest does
     models/<name>/aliases/<alias>/<8 digits>.json  an append-only log; the highest number holds
     models/<name>/names/<version>/<8 digits>.json  another one: the names of the version's concepts
+    models/<name>/once/<key>/<8 digits>.json       numbers that a publication which may be repeated has chosen
 
 Content is written first and the manifest last, with a put that creates or fails: a version is there whole or not at
 all, and of two publishers who want the same number one takes the next.
@@ -13,24 +14,45 @@ all, and of two publishers who want the same number one takes the next.
 
 from __future__ import annotations
 
+import json
 import re
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from service.aliases import AliasEntry, AliasLog
 from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
 from service.engine.model import ShapeModel
-from service.model_file import NAME, TENSORS, Manifest, decode, describe, encode, read_manifest, sha256, write_manifest
+from service.model_file import (
+    NAME,
+    TENSORS,
+    Manifest,
+    check_name,
+    decode,
+    describe,
+    encode,
+    read_manifest,
+    sha256,
+    write_manifest,
+)
 from service.names import NameLog
 from service.objects import Objects
 
 PRODUCTION = "production"
+SHIPPED = Path(__file__).with_name("default_model")  # the store of the model that comes with the service
 NO_MODEL = (
     "The store holds no model yet: train and publish one first, "
     "with shape-concepts-worker train --simulate 250 --name default"
 )
 REFERENCE = re.compile(rf"(?P<name>{NAME})(@(?P<alias>{NAME})|:(?P<version>[0-9]{{1,8}}))?")
+
+
+class _Choice(NamedTuple):
+    """The number and the time under which a publication wants to appear, at its so-manieth attempt."""
+
+    attempt: int
+    version: int
+    created: datetime
 
 
 class ModelStore:
@@ -43,9 +65,22 @@ class ModelStore:
     # Writing
 
     def publish(
-        self, model: ShapeModel, *, name: str, seed: int, source: dict[str, Any], alias: str | None = PRODUCTION
+        self,
+        model: ShapeModel,
+        *,
+        name: str,
+        seed: int,
+        source: dict[str, Any],
+        alias: str | None = PRODUCTION,
+        parent: str | None = None,
+        metrics: dict[str, float] | None = None,
+        job: str | None = None,
+        once: str | None = None,
     ) -> Manifest:
         """Publishes a model as the next version of a name, and lets an alias mean it.
+
+        The versions of the model that ships with the service are never given again, though this store has none of them:
+        `default:1` means one model wherever it is asked.
 
         Args:
             model: what to publish.
@@ -53,6 +88,10 @@ class ModelStore:
             seed: of the training.
             source: where the training clouds came from, JSON-able.
             alias: of the new version; None for none.
+            parent: NAME:VERSION of the model that it follows.
+            metrics: figures by which it was judged.
+            job: id of the job that made it.
+            once: however often, and by however many, a job publishes with the same key, it is one version.
 
         Raises:
             InvalidParameter: the name or alias is not of that form.
@@ -64,27 +103,54 @@ class ModelStore:
         self._objects.sweep()
         data = encode(model)
         self._objects.put(_blob_key(sha256(data)), data)
-        created = datetime.now(UTC)
-
-        def manifest(version: int) -> Manifest:
-            return describe(model, data, name=name, version=version, created=created, seed=seed, source=source)
-
-        version = max(self.versions(name), default=0) + 1
-        while not self._objects.create_number(_versions(name), version, write_manifest(manifest(version))):
-            version += 1
+        made: dict[str, Any] = {"name": name, "seed": seed, "source": source}
+        made |= {"parent": parent, "metrics": metrics, "job": job}
+        place = f"models/{name}/once/{once}" if once else None
+        choice = self._chosen(name, place)
+        while True:
+            manifest = describe(model, data, version=choice.version, created=choice.created, **made)
+            if self._objects.create_number(_versions(name), choice.version, write_manifest(manifest)):
+                break
+            there = self.manifest(name, choice.version) if place else None
+            if there and (there.created, there.job) == (choice.created, job):  # it was us, before
+                manifest = there
+                break
+            choice = self._chosen(name, place, choice)
         if alias is not None:  # unless a racer has let it mean a later version meanwhile
-            self._log(name, alias).promote(version, only_forward=True)
-        return manifest(version)
+            self._log(name, alias).promote(choice.version, only_forward=True)
+        return manifest
 
-    def promote(self, name: str, version: int, alias: str = PRODUCTION) -> None:
+    def promote(self, name: str, version: int, alias: str = PRODUCTION, *, only_forward: bool = False) -> None:
         """Lets an alias mean a version from now on; nothing happens when it does already.
+
+        Args:
+            name: of the model.
+            version: of the model.
+            alias: to move.
+            only_forward: whether nothing happens either when it means a later version.
 
         Raises:
             ModelNotFound: there is no such version.
         """
         check_name(alias, "n alias")
         self._require(name, version)
-        self._log(name, alias).promote(version)
+        self._log(name, alias).promote(version, only_forward=only_forward)
+
+    def exchange(self, name: str, before: int | None, version: int, alias: str = PRODUCTION) -> bool:
+        """Lets an alias mean a version if it means another one still; returns whether it means the version then.
+
+        Args:
+            name: of the model.
+            before: the version that the alias has to mean; None for none.
+            version: that it shall mean.
+            alias: to move.
+
+        Raises:
+            ModelNotFound: there is no such version.
+        """
+        check_name(alias, "n alias")
+        self._require(name, version)
+        return self._log(name, alias).exchange(before, version)
 
     def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
         """Lets an alias mean what it meant before its last promotion; again, the one before that.
@@ -208,6 +274,25 @@ class ModelStore:
 
     # Inside
 
+    def _chosen(self, name: str, place: str | None, refused: _Choice | None = None) -> _Choice:
+        """The number that a publication takes next, and its time.
+
+        Args:
+            name: of the model.
+            place: where the choices of a publication that may be repeated are kept, so that each repetition makes the
+                same ones; None for one that is not repeated.
+            refused: the choice whose number another publication has taken.
+        """
+        version = max(self.versions(name) + ModelStore(SHIPPED).versions(name), default=0) + 1
+        fresh = _Choice((refused.attempt if refused else 0) + 1, version, datetime.now(UTC).replace(microsecond=0))
+        if place is None:
+            return fresh
+        kept = json.dumps({"version": fresh.version, "created": fresh.created.isoformat()}).encode()
+        if not self._objects.create_number(place, fresh.attempt, kept):
+            facts = json.loads(self._objects.get_number(place, fresh.attempt))
+            return _Choice(fresh.attempt, facts["version"], datetime.fromisoformat(facts["created"]))
+        return fresh
+
     def _log(self, name: str, alias: str) -> AliasLog:
         return AliasLog(self._objects, f"models/{name}/aliases/{alias}")
 
@@ -252,23 +337,6 @@ class ModelStore:
             )
         names = self.names()
         return f"The store holds: {', '.join(names)}." if names else NO_MODEL
-
-
-def check_name(name: str, what: str) -> None:
-    """Refuses a name that no model or alias can have.
-
-    Args:
-        name: the name.
-        what: how the message goes on after "the name of a": " model", "n alias".
-
-    Raises:
-        InvalidParameter: it is not of the form of `NAME`.
-    """
-    if not re.fullmatch(NAME, name) or len(name) > 63:
-        raise InvalidParameter(
-            f"'{name}' cannot be the name of a{what}: such names are lower-case letters, digits and hyphens, "
-            "start with a letter or digit, and have at most 63 characters."
-        )
 
 
 def _blob_key(digest: str) -> str:

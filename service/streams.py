@@ -33,6 +33,12 @@ class Stream(BaseModel):
         None,
         description="pose of the sensor in the clouds' frame and unit, instead of a frame: x,y,z or x,y,z,qw,qx,qy,qz",
     )
+    intrinsics: str | None = Field(
+        None,
+        max_length=200,
+        description="of the camera whose depth images these are: fx,fy,cx,cy, pixels; a mask may come with each",
+    )
+    depth_scale: float | None = Field(None, gt=0, description="metres that a depth of 1 of these stands for")
     scene: bool = Field(False, description="whether the clouds are whole scenes: each object on a plane is answered")
     time: float | None = Field(None, ge=0, le=1, description="filtration time of the concepts; by default epsilon_max")
     top: int | None = Field(None, ge=1, description="how many concepts an answer lists; by default all")

@@ -16,7 +16,8 @@ from service.aliases import AliasEntry
 from service.answer import Answer
 from service.application import ModelSummary
 from service.explanation import Explanation, Likeness
-from service.jobs import Job
+from service.job import Job
+from service.job_records import Progress
 from service.keys import AccessKey
 from service.model_file import Manifest
 from service.proposals import Proposal
@@ -110,15 +111,21 @@ def show_answer(file: str, answer: Answer) -> None:
 def show_keys(keys: Sequence[AccessKey], revoked: Collection[str]) -> None:
     """Prints access keys, without their secrets."""
     table = Table()
-    for heading in ("id", "name", "allows to", "requests a second", "at a time", "created", "state"):
+    for heading in ("id", "name", "allows to", "limits", "created", "state"):
         table.add_column(heading)
     for key in keys:
+        limits = {
+            "a second": key.rate,
+            "at a time": key.concurrency,
+            "bytes": key.max_body,
+            "points": key.max_points,
+            "clouds a batch": key.max_batch,
+        }
         table.add_row(
             key.id,
             escape(key.name),
             ", ".join(key.scopes),
-            "-" if key.rate is None else f"{key.rate:g}",
-            "-" if key.concurrency is None else str(key.concurrency),
+            ", ".join(f"{most:.12g} {what}" for what, most in limits.items() if most is not None) or "-",
             f"{key.created:%Y-%m-%d %H:%M} UTC",
             "revoked" if key.id in revoked else "valid",
         )
@@ -238,13 +245,14 @@ def show_manifest(manifest: Manifest, aliases: dict[str, list[AliasEntry]]) -> N
     Console().print(table)
 
 
-def show_names(names: Mapping[int, str]) -> None:
-    """Prints the names of concepts."""
+def show_names(names: Mapping[int, str], carried: Mapping[int, str]) -> None:
+    """Prints the names of concepts, and of which version they were carried over."""
     table = Table()
     table.add_column("concept", justify="right")
     table.add_column("name")
+    table.add_column("carried over from")
     for concept, name in names.items():
-        table.add_row(str(concept), escape(name))
+        table.add_row(str(concept), escape(name), carried.get(concept, "-"))
     Console().print(table)
 
 
@@ -268,12 +276,11 @@ def show_proposals(proposals: list[Proposal], *, applied: bool) -> None:
 def show_jobs(jobs: list[Job]) -> None:
     """Prints jobs, a row each."""
     table = Table()
-    for heading in ("job", "state", "model", "clouds", "submitted (UTC)", "outcome"):
+    for heading in ("job", "state", "makes", "of", "submitted (UTC)", "outcome"):
         table.add_column(heading)
     for job in jobs:
-        source = job.spec.clouds or f"{job.spec.simulate} simulated"
         submitted = f"{job.submitted:%Y-%m-%d %H:%M:%S}"
-        table.add_row(job.id, job.state, job.spec.name, escape(source), submitted, escape(_outcome(job)))
+        table.add_row(job.id, job.state, *map(escape, _asked(job)), submitted, escape(_outcome(job)))
     Console().print(table)
 
 
@@ -287,18 +294,55 @@ def show_job(job: Job) -> None:
         "worker": job.worker or "-",
         "outcome": _outcome(job),
         **{name: str(value) for name, value in job.spec.model_dump(exclude={"params"}).items() if value is not None},
-        **{f"parameters: {stage}": _pairs(params) for stage, params in job.spec.params.model_dump().items()},
+        **{f"parameters: {stage}": _pairs(params) for stage, params in _params_of(job).items()},
     }
     for name, value in rows.items():
         table.add_row(name, escape(value))
     Console().print(table)
 
 
+def _asked(job: Job) -> tuple[str, str]:
+    """What a job makes or judges, and of what."""
+    spec = job.spec
+    if spec.kind == "evaluate":
+        return spec.model, f"judged by dataset {spec.dataset}"
+    if spec.kind == "simulate":
+        return f"dataset {spec.dataset}", f"{spec.count} simulated"
+    sources = [f"what {spec.extend} learnt from"] if spec.extend else []
+    sources += [f"dataset {name}" for name in spec.datasets]
+    if spec.simulate is not None:
+        sources.append(f"{spec.simulate} simulated")
+    if spec.clouds is not None:
+        sources.append(spec.clouds)
+    return spec.name, ", ".join(sources)
+
+
+def _params_of(job: Job) -> dict[str, dict[str, object]]:
+    return job.spec.params.model_dump() if job.spec.kind == "train" else {}
+
+
 def _outcome(job: Job) -> str:
-    if job.result:
-        left_out = f", {job.result.left_out} left out" if job.result.left_out else ""
-        return f"{job.result.model}:{job.result.version} from {job.result.clouds} clouds{left_out}"
-    return f"{job.error.type}: {job.error.detail}" if job.error else "-"
+    if job.error:
+        return f"{job.error.type}: {job.error.detail}"
+    result = job.result
+    if result is None:
+        return underway(job.progress) if job.progress and job.state == "running" else "-"
+    if result.kind == "simulate":
+        return f"{result.clouds} clouds in dataset {result.dataset}"
+    figures = ", ".join(f"{name} {value:.3f}" for name, value in (result.metrics or {}).items())
+    judged = f" ({figures})" if figures else ""
+    if result.kind == "evaluate":
+        return f"{result.model}:{result.version} judged by {result.clouds} clouds{judged}"
+    left_out = f", {result.left_out} left out" if result.left_out else ""
+    stays = ", not promoted" if not result.promoted else ""
+    return f"{result.model}:{result.version} from {result.clouds} clouds{left_out}{judged}{stays}"
+
+
+def underway(progress: Progress) -> str:
+    """How far a job is, in a line."""
+    done = f" {progress.done} of {progress.total}" if progress.total else ""
+    left = f", about {progress.left_s:.0f} s left" if progress.left_s is not None else ""
+    return f"{progress.stage}{done} (stage {progress.stages_done + 1} of {progress.stages}{left})"
 
 
 def _pairs(record: object) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -131,9 +132,12 @@ def train(
     """Learns shape concepts and publishes them as the next version of a model.
 
     The clouds are those of a folder, one object each as a depth camera saw it, or simulated ones. Clouds that cannot
-    be learnt from are named and left out.
+    be learnt from are named and left out. Concepts that are still the same as in the version that the alias meant
+    before keep the names that people gave them.
     """
-    from service.store import ModelStore, check_name
+    from service.carrying import carry_from_earlier
+    from service.model_file import check_name
+    from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
     from worker.sharing import shared_out
@@ -147,18 +151,24 @@ def train(
     with watching() as watch, shared_out(workers, settings.cluster):
         model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
-        manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=alias)
+        before = models.aliases(name).get(alias)
+        manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=None)
+        carried = carry_from_earlier(models, f"{name}:{before}" if before else None, (name, manifest.version))
+        models.promote(name, manifest.version, alias, only_forward=True)
     left_out = [(key, str(error)) for key, error in (*source.refused, *refused)]
     for key, why in left_out:
         click.echo(f"Left out: {key}: {why}", err=True)
     if as_json:
-        click.echo(json.dumps(manifest.model_dump(mode="json") | {"left_out": dict(left_out)}))
+        told = {"left_out": dict(left_out), "names_carried": [each.model_dump() for each in carried]}
+        click.echo(json.dumps(manifest.model_dump(mode="json") | told))
     else:
         counts = manifest.counts
         click.echo(
             f"Published {name}:{manifest.version} ({name}@{alias}): {counts['concepts']} concepts "
             f"from {counts['objects']} objects, at filtration time {manifest.epsilon_max:.2f}."
         )
+        if carried:
+            click.echo(f"{len(carried)} names were carried over from {name}:{before}.")
 
 
 @main.command(
@@ -255,13 +265,72 @@ def evaluate(
         click.echo(f"Wrote {file} and {page}.")
 
 
+@main.command(
+    epilog=examples(
+        "shape-concepts-worker promote default:2 --labels scans/labels.csv",
+        "shape-concepts-worker promote default@staging --labels scans/labels.csv --tolerance 0.01 --json",
+    )
+)
+@click.argument("model", metavar="NAME:VERSION")
+@click.option(
+    "--labels",
+    required=True,
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="CSV with the columns file (relative to it) and category, and optionally group and source.",
+)
+@click.option("--alias", default="production", show_default=True, help="Alias to move.")
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0, 1),
+    metavar="SHARE",
+    help="By how much each figure may be lower than before.  [default: 0.02]",
+)
+@workers_option
+@json_option
+@store_option
+def promote(
+    model: str, labels: Path, alias: str, tolerance: float | None, workers: int, as_json: bool, store: str | None
+) -> None:
+    """Lets an alias mean a version if that is not worse than the one which it means.
+
+    Both are judged by the labelled clouds that both answer: nearest neighbour, support vector machine, and the two
+    figures of regions, all balanced over labels; and the share of the clouds that they answer. If one of these is
+    lower by more than is tolerated, the alias stays, and the exit code is 1.
+    """
+    from joblib import parallel_config
+
+    from service.model_file import check_name
+    from service.store import ModelStore
+    from worker.evaluation.promotion import TOLERANCE, Rule
+    from worker.progress import watching
+    from worker.promoting import promote_by_rule
+
+    check_name(alias, "n alias")
+    if not {":", "@"} & set(model):
+        raise click.BadParameter(f"say which version shall be meant, as {model}:2.", param_hint="NAME:VERSION")
+    models = ModelStore(settings_of(store=store).store)
+    rule = Rule(tolerance=TOLERANCE if tolerance is None else tolerance)
+    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+        outcome = promote_by_rule(models, model, alias, labels, rule, watch.stage, watch.count)
+    if as_json:
+        click.echo(outcome.model_dump_json())
+    else:
+        for reason in outcome.reasons:
+            click.echo(reason)
+        click.echo(outcome.sentence())
+    if not outcome.promoted:
+        sys.exit(1)
+
+
 @main.command(epilog=examples("shape-concepts-worker run", "shape-concepts-worker run --worker gpu-box-2 --workers 8"))
 @click.option(
     "--worker", "name", metavar="NAME", help="Of this worker, the same at every start and no other's.  [default: host]"
 )
 @workers_option
+@cluster_option
 @store_option
-def run(name: str | None, workers: int, store: str | None) -> None:
+def run(name: str | None, workers: int, cluster: str | None, store: str | None) -> None:
     """Takes jobs from the queue and does them, one after the other.
 
     The queue is the database SHAPE_CONCEPTS_JOBS_URL. At SIGTERM or Ctrl-C the worker ends, exit code 0; a job that it
@@ -271,7 +340,7 @@ def run(name: str | None, workers: int, store: str | None) -> None:
 
     from worker.jobs import run as take_jobs
 
-    take_jobs(settings_of(store=store), name or platform.node() or "worker", workers)
+    take_jobs(settings_of(store=store, cluster=cluster), name or platform.node() or "worker", workers)
 
 
 def _source(folder: Path | None, count: int | None, seed: int, config: TrainingConfig, renderer: str | None) -> Source:

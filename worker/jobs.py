@@ -1,7 +1,8 @@
 """The worker that takes jobs from the queue: durable workflows, whose finished steps are never done again.
 
-A job is a workflow of DBOS; after each step its outcome is written to the database of the jobs. A worker that is killed
-takes its jobs up again when it next starts under the same name, at the step that was broken off.
+A job is a workflow of DBOS; after each step its outcome is written to the database of the jobs. A job of a worker that
+is killed goes on with the step that was broken off: at this worker when it starts again under the same name, or at
+another one that notices (`pulse.py`). Each step is done in a process of its own (`apart.py`).
 """
 
 from __future__ import annotations
@@ -15,44 +16,56 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from dbos import DBOS, DBOSConfig, DBOSPortableJSONSerializer
 from dbos import error as dbos_error
-from joblib import parallel_config
 
-from service.engine.errors import InvalidParameter, JobNotFound, ShapeConceptsError
-from service.jobs import (
-    APPLICATION,
-    QUEUE,
-    SILENCE,
-    STEPS_VERSION,
-    TRAIN,
-    Jobs,
-    JobSpec,
-    plain,
-    prepare,
-    reporting,
-    sqlite_file,
+from service.engine.errors import (
+    ClusterUnavailable,
+    InvalidParameter,
+    JobNotFound,
+    JobsUnavailable,
+    JobTimedOut,
+    ShapeConceptsError,
+    StageDied,
+    StoreUnavailable,
 )
+from service.job import Job
+from service.job_specs import JobSpec, read_spec
+from service.jobs import APPLICATION, KEPT, QUEUE, SILENCE, STEPS_VERSION, Jobs, plain, prepare, reporting, sqlite_file
 from service.objects import Objects
 from service.settings import Settings, default_store
 from service.store import ModelStore
-from worker.job_steps import JOBS, JobFiles, gather, learn, publish
+from worker import job_steps
+from worker.apart import preload, run_apart
+from worker.job_files import JOBS, JobFiles
+from worker.job_report import JobReport
+from worker.job_steps import Place
+from worker.pulse import Pulse
+from worker.scheduling import Scheduling
 
 RECOVERIES = 50  # a job that was begun as often without coming to an end is given up: it may be what kills workers
 TIDY_WARNING = "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker"
-LOOK_EVERY = 1.0  # seconds between two looks whether a job was cancelled
+LONGEST_PAUSE = 60.0  # seconds between two tries of a step
 SIGNAL_CHECK = 0.5  # seconds; a signal that another thread took wakes no wait without an end
+POLLED_EVERY = 0.5  # seconds between two looks into the queue
+PASSING = (
+    ClusterUnavailable,
+    StoreUnavailable,
+    JobsUnavailable,
+    StageDied,
+)  # what may be over when a step is tried again
 
 log = logging.getLogger(__name__)
 
 
 class Stopping(BaseException):
-    """The worker ends: the step under way is given up without an outcome, so that it is done again."""
+    """The worker ends, or the job is another's by now: the step is given up without an outcome."""
 
 
 FORESEEN = (
@@ -73,12 +86,14 @@ class Worker:
     """
 
     def __init__(self, settings: Settings, name: str, processes: int) -> None:
-        self._url, self._name, self._processes = settings.jobs_url, name, processes
+        self._url, self._name = settings.jobs_url, name
+        self._processes, self._cluster = processes, settings.cluster
         self._store, self._objects = ModelStore(settings.store), Objects(settings.store)
         self._jobs = Jobs(settings.jobs_url)
+        self._pulse = Pulse(self._jobs, name, settings.worker_lease)
+        self._scheduling = Scheduling(self._jobs)
         self._stopping = threading.Event()
         self._under_way: set[str] = set()
-        self._looked = 0.0
 
     def start(self) -> None:
         """Begins to take jobs, the broken off ones of its own first.
@@ -101,112 +116,157 @@ class Worker:
             self._register()
             DBOS.listen_queues([QUEUE])
             DBOS.launch()
-            DBOS.register_queue(QUEUE, worker_concurrency=1)
+            DBOS.register_queue(QUEUE, worker_concurrency=1, polling_interval_sec=POLLED_EVERY)
+        self._pulse.start()
+        self._scheduling.start()
 
     def stop(self) -> bool:
-        """Ends; returns whether a job was broken off, on a thread that still computes."""
+        """Ends; a job under way goes back into the queue. Returns whether there was one."""
         self._stopping.set()
+        self._scheduling.stop()
         broken_off = sorted(self._under_way)
-        DBOS.destroy()
-        self._jobs.close()
+        DBOS.destroy(workflow_completion_timeout_sec=5)
         for job in broken_off:
-            log.info("job %s is broken off; it goes on when worker %s starts again", job, self._name)
+            with suppress(ShapeConceptsError):  # it is taken over when others notice
+                if self._jobs.owners().get(job) == self._name:
+                    self._jobs.note(job, f"broken off: worker {self._name} ends")
+                    self._jobs.hand_back(job)
+            log.info("job %s: broken off, and back in the queue", job)
+        self._pulse.stop()
+        self._jobs.close()
         return bool(broken_off)
 
     def _register(self) -> None:
-        """Tells the job engine the steps and their order."""
+        """Tells the job engine the steps of each kind of job and their order."""
 
-        @DBOS.workflow(name=TRAIN, max_recovery_attempts=RECOVERIES)
+        @DBOS.workflow(name="train", max_recovery_attempts=RECOVERIES)
         def train(spec: dict[str, Any]) -> dict[str, Any]:
-            with self._reported():
-                DBOS.run_step({"name": "gather"}, self._gather, spec)
-                learnt = DBOS.run_step({"name": "learn"}, self._learn, spec)
-                version = DBOS.run_step({"name": "publish"}, self._publish, spec, learnt["earlier"])
-                DBOS.run_step({"name": "tidy"}, self._files().remove)
-                return {
-                    "model": spec["name"],
-                    "version": version,
-                    "clouds": learnt["clouds"],
-                    "left_out": learnt["left_out"],
-                }
+            with self._reported(spec) as (step, once):
+                step("gather", job_steps.gather)
+                learnt = step("learn", job_steps.learn)
+                metrics = step("judge", job_steps.judge) if spec.get("labelled") else None
+                published = step("publish", job_steps.publish, metrics, once)
+                promoted = step("promote", job_steps.promote, published["version"], published["parent"])
+                DBOS.run_step({"name": "tidy"}, self._tidy)
+                made = {"kind": "train", "model": spec["name"], "metrics": metrics}
+                return {**made, **published, **promoted, **learnt}
 
-    def _gather(self, spec: dict[str, Any]) -> int:
-        with self._working("gathering clouds"):
-            self._sweep()
-            return gather(JobSpec.model_validate(spec), self._files(), self._look)
+        @DBOS.workflow(name="evaluate", max_recovery_attempts=RECOVERIES)
+        def evaluate(spec: dict[str, Any]) -> dict[str, Any]:
+            with self._reported(spec) as (step, _):
+                model = step("resolve", job_steps.resolve)
+                evaluated: dict[str, Any] = step("evaluate", job_steps.evaluate_model, model)
+                return evaluated
 
-    def _learn(self, spec: dict[str, Any]) -> dict[str, Any]:
-        with self._working("learning"):
-            left_out = learn(JobSpec.model_validate(spec), self._files(), self._on_stage)
-            for key, why in left_out.items():
-                log.warning("job %s: left out %s: %s", DBOS.workflow_id, key, why)
-            clouds = len(self._files().index()["keys"])
-            earlier = self._store.versions(spec["name"])
-            return {"clouds": clouds, "left_out": len(left_out), "earlier": earlier}
+        @DBOS.workflow(name="simulate", max_recovery_attempts=RECOVERIES)
+        def simulate(spec: dict[str, Any]) -> dict[str, Any]:
+            with self._reported(spec) as (step, _):
+                simulated: dict[str, Any] = step("simulate", job_steps.simulate_into)
+                return simulated
 
-    def _publish(self, spec: dict[str, Any], earlier: list[int]) -> int:
-        with self._working("publishing"):
-            version = publish(JobSpec.model_validate(spec), self._files(), self._store, earlier)
-            log.info("job %s: published %s:%d", DBOS.workflow_id, spec["name"], version)
-            return version
-
-    def _files(self) -> JobFiles:
-        return JobFiles(self._objects, str(DBOS.workflow_id))
+    def _tidy(self) -> None:
+        """Forgets what the job has kept; what cannot be removed now is swept when a worker starts."""
+        try:
+            JobFiles(self._objects, str(DBOS.workflow_id)).remove()
+        except StoreUnavailable as error:
+            log.warning("job %s: its files stay for now: %s", DBOS.workflow_id, error)
 
     @contextmanager
-    def _reported(self) -> Iterator[None]:
-        """Says that a job begins, and how it ends."""
-        job = str(DBOS.workflow_id)
-        self._under_way.add(job)
-        log.info("job %s: taken", job)
+    def _reported(self, given: dict[str, Any]) -> Iterator[tuple[Callable[..., Any], str]]:
+        """Says that a job begins, and how it ends.
+
+        Yields:
+            What does a step of it, and what no other job has.
+        """
+        spec, (job, begun) = read_spec(given), self._begin(str(DBOS.workflow_id))
+        report = JobReport(self._jobs.records, job.id, job_steps.stages_of(spec), begun)
+        self._under_way.add(job.id)
+        report.log(f"taken by worker {self._name}")
+        self._pulse.take_up(job.id, report)
+        deadline = None if spec.timeout is None else begun + spec.timeout
+
+        def step(name: str, work: Callable[..., Any], *more: Any) -> Any:
+            return DBOS.run_step({"name": name}, self._do, work, spec, more, report, deadline)
+
         try:
-            yield
-            log.info("job %s: done", job)
+            yield step, f"{job.id}-{job.submitted.timestamp() * 1000:.0f}"
+            report.log("done")
         except dbos_error.DBOSWorkflowCancelledError:
-            log.info("job %s: cancelled", job)
+            log.info("job %s: cancelled", job.id)
             raise
         except Exception as error:
-            log.error("job %s: failed: %s", job, error)
+            report.log(f"failed: {error}", logging.ERROR)
             raise
         finally:
+            self._pulse.lay_down()
+            with suppress(Exception):
+                report.write()
             if not self._stopping.is_set():
-                self._under_way.discard(job)
+                self._under_way.discard(job.id)
 
-    @contextmanager
-    def _working(self, what: str) -> Iterator[None]:
-        """The processes for a step. Whatever goes wrong while the worker ends is no outcome of the step."""
-        log.info("job %s: %s", DBOS.workflow_id, what)
-        try:
-            with parallel_config(backend="loky", n_jobs=self._processes):
-                self._look()
-                yield
-        except Exception:
-            if self._stopping.is_set():
-                raise Stopping from None
-            raise
+    def _begin(self, job_id: str) -> tuple[Job, float]:
+        """The job, and when it was first begun. A database that is out of reach is waited for."""
+        while True:
+            try:
+                job = self._jobs.show(job_id)
+                with reporting(self._url):
+                    return job, self._jobs.records.begun(job_id)
+            except JobsUnavailable:
+                if self._stopping.wait(1):
+                    raise Stopping from None
 
-    def _on_stage(self, stage: str) -> None:
-        self._look()
-        log.info("job %s: %s", DBOS.workflow_id, stage)
+    def _do(
+        self,
+        work: Callable[..., Any],
+        spec: JobSpec,
+        more: tuple[Any, ...],
+        report: JobReport,
+        deadline: float | None,
+    ) -> Any:
+        """Does a step, again and again as long as what it lacks may come back."""
+        place = Place(self._store.url, str(DBOS.workflow_id), self._processes, self._cluster)
 
-    def _look(self) -> None:
-        """Gives the step up when the worker ends or the job was cancelled."""
-        if self._stopping.is_set():
+        def look() -> None:
+            self._look(spec, deadline)
+
+        for attempt in range(1, spec.attempts + 1):
+            try:
+                result = run_apart(work, (spec, place, *more), report.tell, look)
+                with suppress(Exception):
+                    report.write()
+                return result
+            except PASSING as error:
+                if attempt == spec.attempts:
+                    raise
+                pause = min(2.0**attempt, LONGEST_PAUSE)
+                report.log(f"tried {attempt} of {spec.attempts} times; again in {pause:g} s: {error}", logging.WARNING)
+                until = time.monotonic() + pause
+                while time.monotonic() < until:
+                    look()
+                    self._stopping.wait(0.2)
+        raise AssertionError("the last attempt returns or raises")
+
+    def _look(self, spec: JobSpec, deadline: float | None) -> None:
+        """Gives the step up when the worker ends, or the job is cancelled, another's, or took too long."""
+        if self._stopping.is_set() or self._pulse.verdict == "lost":
             raise Stopping
-        if time.monotonic() - self._looked > LOOK_EVERY:
-            self._looked = time.monotonic()
-            if self._jobs.show(str(DBOS.workflow_id)).state == "cancelled":
-                raise dbos_error.DBOSWorkflowCancelledError(f"Job {DBOS.workflow_id} was cancelled.")
+        if self._pulse.verdict == "cancelled":
+            raise dbos_error.DBOSWorkflowCancelledError(f"Job {DBOS.workflow_id} was cancelled.")
+        if deadline is not None and time.time() > deadline:
+            raise JobTimedOut(
+                f"It was at work for longer than its timeout of {spec.timeout:g} s. A retry goes on where it was, and "
+                "has as long again; or submit it with a longer timeout."
+            )
 
     def _sweep(self) -> None:
-        """Removes what jobs that failed or were cancelled have left; jobs of another database are not touched."""
-        for job in self._objects.folders(JOBS):
+        """Removes what jobs have left that cannot be retried any more; jobs of another database are not touched."""
+        for job_id in self._objects.folders(JOBS):
             try:
-                over = self._jobs.show(job).state not in ("queued", "running")
+                job = self._jobs.show(job_id)
             except JobNotFound:
                 continue
-            if over:
-                JobFiles(self._objects, job).remove()
+            if job.state == "done" or (job.over and job.finished and datetime.now(UTC) - job.finished > KEPT):
+                JobFiles(self._objects, job_id).remove()
 
 
 def run(settings: Settings, name: str, processes: int) -> None:
@@ -223,6 +283,7 @@ def run(settings: Settings, name: str, processes: int) -> None:
     """
     logging.basicConfig(level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(message)s")
     _quiet_engine()
+    preload()
     # joblib's own watcher clears away what a broken off job leaves, and need not warn of having done so.
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), TIDY_WARNING]))
     told_to_end = threading.Event()
@@ -249,7 +310,7 @@ def _quiet_engine() -> None:
 
 
 def _leave() -> None:
-    """Ends the process at once: a thread that computes cannot be told to end, and what it does is not lost."""
+    """Ends the process at once: a thread may wait for the database still."""
     for child in multiprocessing.active_children():
         if child.pid is not None:
             os.kill(child.pid, signal.SIGKILL)

@@ -1,17 +1,18 @@
-"""Where training clouds come from: a folder of files, or mental simulation."""
+"""Where training clouds come from: a folder of files, datasets of the store, mental simulation, or several of these."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from service import clouds
+from service.clouds.formats import CLOUD_ENDINGS
+from service.dataset_records import digest_of
+from service.datasets import Datasets
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from worker.learning.observations import NamedCloud
 from worker.simulation import SimulationParams, simulate
-
-BESIDE = {".csv", ".json", ".png"}  # tables, manifests and pictures stand beside clouds, though clouds may end so
 
 
 class Source(Protocol):
@@ -42,14 +43,15 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        endings = {ending for known in clouds.FORMATS.values() for ending in known.endings} - BESIDE
         if not path.is_dir():
             raise InvalidParameter(f"There is no folder {path}.")
-        found = (file for file in path.rglob("*") if file.suffix.lower() in endings and file.is_file())
+        found = (file for file in path.rglob("*") if file.suffix.lower() in CLOUD_ENDINGS and file.is_file())
         self.path, self.files = path, sorted(found, key=lambda file: file.relative_to(path).as_posix())
         self.refused: list[tuple[str, ShapeConceptsError]] = []
         if not self.files:
-            raise InvalidParameter(f"The folder {path} holds no cloud: no file ends in {', '.join(sorted(endings))}.")
+            raise InvalidParameter(
+                f"The folder {path} holds no cloud: no file ends in {', '.join(sorted(CLOUD_ENDINGS))}."
+            )
 
     @property
     def count(self) -> int:
@@ -94,3 +96,77 @@ class Simulation:
         """Everything that makes the same objects again."""
         parameters = self.params.model_dump(mode="json")
         return {"kind": "simulation", "clouds": self.count, "seed": self.seed, "parameters": parameters}
+
+
+class Dataset:
+    """The clouds that a dataset has when this is made, by their keys; read from the store one by one.
+
+    Args:
+        datasets: of the store.
+        name: of the dataset.
+
+    Raises:
+        DatasetNotFound: there is no such dataset.
+        InvalidParameter: it holds no cloud.
+    """
+
+    def __init__(self, datasets: Datasets, name: str) -> None:
+        self.name, self.entries = name, datasets.entries(name)
+        self.refused: list[tuple[str, ShapeConceptsError]] = []
+        self._datasets = datasets
+        if not self.entries:
+            raise InvalidParameter(f"The dataset '{name}' holds no cloud: add some first.")
+
+    @property
+    def count(self) -> int:
+        """Number of clouds."""
+        return len(self.entries)
+
+    def __iter__(self) -> Iterator[NamedCloud]:
+        """Reads cloud after cloud; those that cannot be read are refused.
+
+        Raises:
+            DatasetDamaged: the store has lost or altered one: what is learnt would not be what the manifest says.
+        """
+        self.refused.clear()
+        for entry in self.entries:
+            key, data = f"{self.name}/{entry.key}", self._datasets.content(entry)
+            try:
+                cloud = clouds.read(data, entry.format, name=entry.key, unit=entry.unit, viewpoint=entry.pose())
+            except ShapeConceptsError as error:
+                self.refused.append((key, error))
+            else:
+                yield NamedCloud(key, cloud)
+
+    def describe(self) -> dict[str, Any]:
+        """The dataset, and what it held."""
+        return {"kind": "dataset", "name": self.name, "digest": digest_of(self.entries), "clouds": self.count}
+
+
+class Joined:
+    """Several sources, one after the other.
+
+    Args:
+        sources: their order is part of the input.
+    """
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self.sources = list(sources)
+        self.refused: list[tuple[str, ShapeConceptsError]] = []
+
+    @property
+    def count(self) -> int:
+        """Number of clouds of all sources."""
+        return sum(source.count for source in self.sources)
+
+    def __iter__(self) -> Iterator[NamedCloud]:
+        """Source after source."""
+        self.refused.clear()
+        for source in self.sources:
+            yield from source
+            self.refused.extend(source.refused)
+
+    def describe(self) -> dict[str, Any]:
+        """What each of them says."""
+        parts = [source.describe() for source in self.sources]
+        return {"kind": "joined", "clouds": self.count, "parts": parts}

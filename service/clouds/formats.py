@@ -69,6 +69,10 @@ FORMATS: dict[str, Format] = {
     )
 }
 
+BESIDE = {".csv", ".json", ".png"}  # tables, manifests and pictures stand beside clouds, though clouds may end so
+CLOUD_ENDINGS = {ending for entry in FORMATS.values() for ending in entry.endings} - BESIDE
+"""What the files of clouds end in, where others lie beside them."""
+
 # Media types that clients send when they do not know better: the content decides.
 ANY_MEDIA_TYPES = ("", "application/octet-stream", "application/x-www-form-urlencoded", "text/plain")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -28,6 +28,7 @@ def keys() -> None:
         "shape-concepts keys create robot-7",
         "shape-concepts keys create retraining --scope train --scope answer",
         "shape-concepts keys create visitors --rate 5 --concurrency 2",
+        "shape-concepts keys create cameras --max-body 4000000 --max-points 300000 --max-batch 8",
     )
 )
 @click.argument("name")
@@ -40,15 +41,23 @@ def keys() -> None:
     show_default=True,
     help="What it allows: clouds answered, jobs and datasets, models and names altered; may be repeated.",
 )
-@click.option("--rate", type=float, help="Requests a second, at each replica.  [default: no limit]")
+@click.option(
+    "--rate",
+    type=float,
+    help="Requests a second, at each replica; each cloud of a batch or a stream counts as one.  [default: no limit]",
+)
 @click.option("--concurrency", type=int, help="Requests at the same time, at each replica.  [default: no limit]")
+@click.option("--max-body", type=int, help="Largest request body, bytes.  [default: the service's limit]")
+@click.option("--max-points", type=int, help="Largest cloud, points.  [default: the service's limit]")
+@click.option("--max-batch", type=int, help="Largest batch, clouds.  [default: the service's limit]")
 @json_option
 @store_option
-def create(
-    name: str, scopes: tuple[Scope, ...], rate: float | None, concurrency: int | None, as_json: bool, store: str | None
-) -> None:
-    """Makes a key for NAME and prints it: it is shown this once."""
-    text, key = _keys(store).create(name, scopes, rate, concurrency)
+def create(name: str, scopes: tuple[Scope, ...], as_json: bool, store: str | None, **limits: Any) -> None:
+    """Makes a key for NAME and prints it: it is shown this once.
+
+    A limit above that of the service has no effect.
+    """
+    text, key = _keys(store).create(name, scopes, **limits)
     if as_json:
         click.echo(json.dumps({"key": text} | _told(key.model_dump(mode="json"))))
     else:

@@ -33,7 +33,7 @@ def list_models(as_json: bool, store: str | None) -> None:
         tables.show_models(found)
 
 
-@models.command(epilog=examples("shape-concepts models show default", "shape-concepts models show default:1 --json"))
+@models.command(epilog=examples("shape-concepts models show default", "shape-concepts models show default:2 --json"))
 @click.argument("model", metavar="NAME")
 @json_option
 @store_option
@@ -54,7 +54,7 @@ def show(model: str, as_json: bool, store: str | None) -> None:
 
 @models.command(
     epilog=examples(
-        "shape-concepts models export default --out exported", "shape-concepts models export default:1 --out exported"
+        "shape-concepts models export default --out exported", "shape-concepts models export default:2 --out exported"
     )
 )
 @click.argument("model", metavar="NAME")
@@ -93,6 +93,32 @@ def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
         raise click.BadParameter(f"say which version shall be meant, as {model}:2.", param_hint="NAME:VERSION")
     name, version = application_of(store).promote(model, alias)
     done({"model": name, "version": version, "alias": alias}, f"{name}@{alias} is version {version} now.", as_json)
+
+
+@models.command(
+    epilog=examples(
+        "shape-concepts models compare default:1 default:2",
+        "shape-concepts models compare default default@staging --json",
+    )
+)
+@click.argument("old", metavar="NAME:1")
+@click.argument("new", metavar="NAME:2")
+@json_option
+@store_option
+def compare(old: str, new: str, as_json: bool, store: str | None) -> None:
+    """Tells which concepts of one version persist, merge, split or disappear in another one, and which appear.
+
+    Versions are compared by the clouds that they learnt from: a concept persists if more than half of its objects and
+    of a new concept's are common to both.
+    """
+    application = application_of(store)
+    compared = application.compare(application.which(old), application.which(new))
+    if as_json:
+        click.echo(compared.model_dump_json())
+    else:
+        from service.comparison_tables import show_comparison
+
+        show_comparison(compared)
 
 
 @models.command(

@@ -16,14 +16,14 @@ from service.engine.errors import InvalidParameter, ShapeConceptsError
 
 @click.group()
 def names() -> None:
-    """Lists, gives, removes and proposes names of concepts.
+    """Lists, gives, removes, proposes and carries over names of concepts.
 
     Names belong to one version of a model: another version has other concepts. Every replica has them within seconds.
     """
 
 
 @names.command(
-    "list", epilog=examples("shape-concepts names list default", "shape-concepts names list default:1 --json")
+    "list", epilog=examples("shape-concepts names list default", "shape-concepts names list default:2 --json")
 )
 @click.argument("model", metavar="NAME")
 @json_option
@@ -32,14 +32,18 @@ def list_names(model: str, as_json: bool, store: str | None) -> None:
     """Lists the concepts that have names."""
     application = application_of(store)
     name, version = application.which(model)
-    named = dict(sorted(application.naming.names(name, version).of.items()))
+    names = application.naming.names(name, version)
+    named = dict(sorted(names.of.items()))
     if as_json:
-        entries = [{"concept": concept, "name": called} for concept, called in named.items()]
+        entries = [
+            {"concept": concept, "name": called, "carried_from": names.carried.get(concept)}
+            for concept, called in named.items()
+        ]
         click.echo(json.dumps({"model": name, "version": version, "names": entries}))
     else:
         from service import tables
 
-        tables.show_names(named)
+        tables.show_names(named, names.carried)
 
 
 @names.command("set", epilog=examples('shape-concepts names set default 14 "tea mug"'))
@@ -117,6 +121,30 @@ def propose(model: str, labels_file: Path, apply: bool, time: float | None, as_j
             click.echo(f"Error: {entry['file']}: {entry['detail']}", err=True)
     if left_out:
         sys.exit(1)
+
+
+@names.command(epilog=examples("shape-concepts names carry default:2 --from default:1"))
+@click.argument("model", metavar="NAME:2")
+@click.option("--from", "source", required=True, metavar="NAME:1", help="The version that has names.")
+@json_option
+@store_option
+def carry(model: str, source: str, as_json: bool, store: str | None) -> None:
+    """Calls concepts what another version calls them, where they still are the same.
+
+    Training does so by itself. A concept that somebody has named, or whose name somebody has taken away, stays as it
+    is.
+    """
+    application = application_of(store)
+    (name, version), earlier = application.which(model), application.which(source)
+    carried = application.naming.carry(earlier, (name, version))
+    if as_json:
+        told = [each.model_dump() for each in carried]
+        result = {"model": name, "version": version, "carried_from": "{}:{}".format(*earlier), "names": told}
+        click.echo(json.dumps(result))
+    else:
+        from service.comparison_tables import show_carried
+
+        show_carried(carried)
 
 
 def _rename(model: str, concept: int, given: str | None, as_json: bool, store: str | None) -> None:

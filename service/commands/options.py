@@ -32,6 +32,7 @@ def json_option(command: Command) -> Command:
 def settings_of(**given: Any) -> Settings:
     """Settings of the environment, with what was given on the command line in their stead."""
     from pydantic import ValidationError
+    from pydantic_settings import SettingsError
 
     from service.settings import Settings
 
@@ -40,6 +41,8 @@ def settings_of(**given: Any) -> Settings:
     except ValidationError as error:
         faults = [f"SHAPE_CONCEPTS_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()]
         raise click.UsageError("; ".join(faults)) from error
+    except SettingsError as error:
+        raise click.UsageError(f"A setting is no JSON: {error}.") from error
 
 
 def application_of(store: str | None) -> Application:

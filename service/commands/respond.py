@@ -27,7 +27,7 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
     epilog=examples(
         "shape-concepts respond --model default mug.pcd",
         "shape-concepts respond --model default --top 3 --unit mm scans/*.ply",
-        "shape-concepts respond --model default:1 --time 0.2 --json --stimuli mug.npy",
+        "shape-concepts respond --model default:2 --time 0.2 --json --stimuli mug.npy",
         "shape-concepts respond --viewpoint 0,-0.4,-0.9 --json - < mug.xyz",
         "shape-concepts respond --model default --explain --top 3 mug.pcd",
         "shape-concepts respond --model default --json --segments mug.pcd",

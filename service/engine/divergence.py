@@ -52,7 +52,7 @@ def sparse_jsd(
     data: NDArray[np.floating],
     start: int,
     stop: int,
-    total: float,
+    total: float = 1.0,
 ) -> float:
     """JSD(p, q) = ln 2 - 1/2 sum over the shared support of [p ln((p + q) / p) + q ln((p + q) / q)], nats.
 

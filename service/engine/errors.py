@@ -55,6 +55,10 @@ class NoSupportingPlane(InvalidCloud):
     """The scene has no plane on which objects could stand."""
 
 
+class ContentTooLarge(ShapeConceptsError):
+    """The body of the request, its message or its payload, is larger than the limit, or holds more clouds."""
+
+
 class UnreadableCloud(ShapeConceptsError):
     """The bytes are not a well-formed cloud of the format they claim: truncated, damaged or contradictory."""
 
@@ -91,8 +95,56 @@ class StoreUnavailable(ShapeConceptsError):
     """The model store cannot be read or written."""
 
 
+class DatasetNotFound(ShapeConceptsError):
+    """There is no dataset of that name."""
+
+
+class DatasetExists(ShapeConceptsError):
+    """There is a dataset of that name, and it is another one."""
+
+
+class DatasetInUse(ShapeConceptsError):
+    """A model learnt from the dataset, and could not be made again without it."""
+
+
+class DatasetDamaged(ShapeConceptsError):
+    """What the store holds of a dataset is incomplete or altered."""
+
+
+class CloudNotFound(ShapeConceptsError):
+    """The dataset has no cloud of that key."""
+
+
+class CloudExists(ShapeConceptsError):
+    """The dataset has another cloud of that key."""
+
+
+class UnreadableArchive(ShapeConceptsError):
+    """The bytes are no zip or tar archive, or it is truncated, damaged, or reaches out of itself."""
+
+
+class ArchiveTooLarge(ShapeConceptsError):
+    """The archive holds, or unfolds to, more than is taken."""
+
+
+class UploadNotFound(ShapeConceptsError):
+    """There is no upload of that id, or it was finished or given up."""
+
+
+class UploadConflict(ShapeConceptsError):
+    """The piece does not follow what the upload has so far."""
+
+
 class JobNotFound(ShapeConceptsError):
     """There is no job of that id."""
+
+
+class ScheduleNotFound(ShapeConceptsError):
+    """There is no schedule of that name."""
+
+
+class ScheduleExists(ShapeConceptsError):
+    """There is a schedule of that name, and it is another one."""
 
 
 class JobsUnavailable(ShapeConceptsError):
@@ -101,6 +153,18 @@ class JobsUnavailable(ShapeConceptsError):
 
 class ClusterUnavailable(ShapeConceptsError):
     """The Dask cluster cannot be used: it is not there, has no workers, or its workers would give other bits."""
+
+
+class JobConflict(ShapeConceptsError):
+    """The job is in a state in which this cannot be done."""
+
+
+class JobTimedOut(ShapeConceptsError):
+    """The job was at work for longer than it was allowed to."""
+
+
+class StageDied(ShapeConceptsError):
+    """The process that was at work on a stage of the job was killed, most likely for want of memory."""
 
 
 class NotAuthenticated(ShapeConceptsError):
@@ -116,7 +180,15 @@ class KeyNotFound(ShapeConceptsError):
 
 
 class RateExceeded(ShapeConceptsError):
-    """The access key's requests are too many, a second or at a time; try again later."""
+    """The access key's requests are too many, a second or at a time; try again later.
+
+    Attributes:
+        after: seconds after which it may.
+    """
+
+    def __init__(self, message: str = "", after: float = 0) -> None:
+        super().__init__(message)
+        self.after = after
 
 
 class Overloaded(ShapeConceptsError):

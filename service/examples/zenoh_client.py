@@ -7,6 +7,7 @@ A service has to be there, and answer the stream (here for a robot that connects
     shape-concepts serve
 
     python service/examples/zenoh_client.py ask mug.pcd --model default
+    python service/examples/zenoh_client.py ask depth.png --intrinsics 525,525,319.5,239.5 --mask mask.png
     python service/examples/zenoh_client.py publish mug.pcd --count 10
 
 You will see the closest concepts, with the time it took; or the reason why there is no answer.
@@ -38,6 +39,8 @@ def main() -> int:
     once = commands.add_parser("ask", help="ask about a cloud")
     once.add_argument("cloud", type=Path, help="PCD, PLY, XYZ, NPY or NPZ file")
     once.add_argument("--model", default="default", help="NAME, NAME@ALIAS or NAME:VERSION")
+    once.add_argument("--intrinsics", help="of the camera of a depth image: fx,fy,cx,cy, pixels")
+    once.add_argument("--mask", type=Path, help="of a depth image: PNG or NPY, not 0 where the object is")
     once.set_defaults(run=ask)
     often = commands.add_parser("publish", help="publish a cloud again and again, and listen to the answers")
     often.add_argument("cloud", type=Path, help="PCD, PLY, XYZ, NPY or NPZ file")
@@ -59,9 +62,13 @@ def main() -> int:
 
 
 def ask(session: zenoh.Session, arguments: argparse.Namespace) -> int:
-    """Asks about one cloud: it is the payload of a query, and the answer is its reply."""
+    """Asks about one cloud: it is the payload of a query, its mask is the attachment, and the answer is its reply."""
     selector = f"shape-concepts/@v1/models/{arguments.model}/respond?top=3"
-    for reply in session.get(selector, payload=arguments.cloud.read_bytes(), timeout=30):
+    if arguments.intrinsics:
+        selector += f";intrinsics={arguments.intrinsics}"
+    # Where the service asks for an access key, this map has it as well, as "key"; or the attachment is the key alone.
+    beside = zenoh.ext.z_serialize({"mask": arguments.mask.read_bytes()}) if arguments.mask else None
+    for reply in session.get(selector, payload=arguments.cloud.read_bytes(), attachment=beside, timeout=30):
         if reply.ok is None and reply.err is not None:
             show(json.loads(reply.err.payload.to_bytes()))
             return 1

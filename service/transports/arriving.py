@@ -12,7 +12,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import Message
 
-from service.engine.errors import Cancelled
+from service.access import Caller
+from service.engine.errors import Cancelled, ContentTooLarge
 from service.settings import Settings
 
 
@@ -30,9 +31,9 @@ class Limits(NamedTuple):
     pause: float
 
 
-def limits_of(settings: Settings) -> Limits:
-    """What the settings allow."""
-    return Limits(settings.max_body, settings.body_timeout, settings.body_pause)
+def limits_of(settings: Settings, caller: Caller) -> Limits:
+    """What the settings allow to a caller."""
+    return Limits(caller.max_body, settings.body_timeout, settings.body_pause)
 
 
 @asynccontextmanager
@@ -46,7 +47,8 @@ async def arriving(request: Request, limits: Limits, take: Callable[[int], None]
 
     Raises:
         Cancelled: the client hung up.
-        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+        ContentTooLarge: the body is larger than the limit.
+        HTTPException: 408, it did not arrive in time.
     """
     _check_announced(request, limits.max_bytes)
     try:
@@ -75,9 +77,9 @@ def _check_announced(request: Request, max_bytes: int) -> None:
         raise _too_large(max_bytes)
 
 
-def _too_large(max_bytes: int) -> HTTPException:
-    return HTTPException(
-        413, f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
+def _too_large(max_bytes: int) -> ContentTooLarge:
+    return ContentTooLarge(
+        f"The body is larger than the {max_bytes} bytes that are taken. Send fewer points, or a binary format."
     )
 
 

@@ -6,17 +6,28 @@ detail of a gRPC status, the payload of a zenoh error reply.
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any, NamedTuple
 
 from service.engine.errors import (
+    ArchiveTooLarge,
     Cancelled,
+    CloudExists,
+    CloudNotFound,
     ClusterUnavailable,
     ConceptNotFound,
+    ContentTooLarge,
+    DatasetDamaged,
+    DatasetExists,
+    DatasetInUse,
+    DatasetNotFound,
     InvalidCloud,
     InvalidParameter,
+    JobConflict,
     JobNotFound,
     JobsUnavailable,
+    JobTimedOut,
     KeyNotFound,
     ModelDamaged,
     ModelIncompatible,
@@ -27,15 +38,21 @@ from service.engine.errors import (
     Overloaded,
     RateExceeded,
     RendererUnavailable,
+    ScheduleExists,
+    ScheduleNotFound,
     ShapeConceptsError,
+    StageDied,
     StoreUnavailable,
     TooManyPoints,
+    UnreadableArchive,
     UnreadableCloud,
     UnsupportedFormat,
+    UploadConflict,
+    UploadNotFound,
 )
 
 MEDIA_TYPE = "application/problem+json"
-RETRY_AFTER = 1  # seconds, said where trying again may help
+RETRY_AFTER = 1  # seconds, where trying again may help and nothing tells when
 
 
 class Status(NamedTuple):
@@ -45,14 +62,14 @@ class Status(NamedTuple):
         http: status code.
         grpc: name of the status code.
         title: the kind of error in words, the same for every occurrence.
-        retry: whether the same request may succeed a little later.
+        retry: seconds after which the same request may succeed; 0 where it will not.
         private: whether the message is for the operator's log alone, since it tells of the inside.
     """
 
     http: int
     grpc: str
     title: str
-    retry: bool = False
+    retry: int = 0
     private: bool = False
 
 
@@ -61,6 +78,7 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     UnreadableCloud: Status(400, "INVALID_ARGUMENT", "The cloud cannot be read"),
     UnsupportedFormat: Status(415, "INVALID_ARGUMENT", "The format of the cloud is not supported"),
     InvalidCloud: Status(422, "INVALID_ARGUMENT", "The cloud cannot be answered"),
+    ContentTooLarge: Status(413, "RESOURCE_EXHAUSTED", "The body is too large"),
     TooManyPoints: Status(413, "INVALID_ARGUMENT", "The cloud has too many points"),
     NotEnoughSamples: Status(422, "FAILED_PRECONDITION", "There are too few clouds to learn from"),
     RendererUnavailable: Status(503, "FAILED_PRECONDITION", "There is no renderer"),
@@ -68,15 +86,32 @@ TABLE: dict[type[ShapeConceptsError], Status] = {
     ConceptNotFound: Status(404, "NOT_FOUND", "There is no such concept"),
     ModelDamaged: Status(500, "DATA_LOSS", "The model is damaged"),
     ModelIncompatible: Status(500, "FAILED_PRECONDITION", "The model cannot be read by this version of the service"),
-    StoreUnavailable: Status(503, "UNAVAILABLE", "The store of models is out of reach", retry=True, private=True),
+    StoreUnavailable: Status(
+        503, "UNAVAILABLE", "The store of models is out of reach", retry=RETRY_AFTER, private=True
+    ),
+    DatasetNotFound: Status(404, "NOT_FOUND", "There is no such dataset"),
+    DatasetExists: Status(409, "ALREADY_EXISTS", "There is another dataset of that name"),
+    DatasetInUse: Status(409, "FAILED_PRECONDITION", "A model learnt from the dataset"),
+    DatasetDamaged: Status(500, "DATA_LOSS", "The dataset is damaged"),
+    CloudNotFound: Status(404, "NOT_FOUND", "There is no such cloud"),
+    CloudExists: Status(409, "ALREADY_EXISTS", "There is another cloud of that key"),
+    UnreadableArchive: Status(400, "INVALID_ARGUMENT", "The archive cannot be read"),
+    ArchiveTooLarge: Status(413, "INVALID_ARGUMENT", "The archive is too large"),
+    UploadNotFound: Status(404, "NOT_FOUND", "There is no such upload"),
+    UploadConflict: Status(409, "ABORTED", "The piece does not follow"),
     JobNotFound: Status(404, "NOT_FOUND", "There is no such job"),
-    JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=True, private=True),
-    ClusterUnavailable: Status(503, "UNAVAILABLE", "The cluster is out of reach", retry=True, private=True),
+    JobConflict: Status(409, "FAILED_PRECONDITION", "The job is in another state"),
+    JobTimedOut: Status(422, "FAILED_PRECONDITION", "The job took too long"),
+    StageDied: Status(500, "INTERNAL", "A stage of the job was killed"),
+    ScheduleNotFound: Status(404, "NOT_FOUND", "There is no such schedule"),
+    ScheduleExists: Status(409, "ALREADY_EXISTS", "There is another schedule of that name"),
+    JobsUnavailable: Status(503, "UNAVAILABLE", "Jobs are out of reach", retry=RETRY_AFTER, private=True),
+    ClusterUnavailable: Status(503, "UNAVAILABLE", "The cluster is out of reach", retry=RETRY_AFTER, private=True),
     NotAuthenticated: Status(401, "UNAUTHENTICATED", "An access key is needed"),
     NotAllowed: Status(403, "PERMISSION_DENIED", "The access key does not allow this"),
     KeyNotFound: Status(404, "NOT_FOUND", "There is no such access key"),
-    RateExceeded: Status(429, "RESOURCE_EXHAUSTED", "The access key is used too much", retry=True),
-    Overloaded: Status(429, "RESOURCE_EXHAUSTED", "The service has too much to do", retry=True),
+    RateExceeded: Status(429, "RESOURCE_EXHAUSTED", "The access key is used too much", retry=RETRY_AFTER),
+    Overloaded: Status(429, "RESOURCE_EXHAUSTED", "The service has too much to do", retry=RETRY_AFTER),
     Cancelled: Status(499, "CANCELLED", "The request was cancelled"),
 }
 INTERNAL = Status(500, "INTERNAL", "Something unexpected went wrong")
@@ -84,7 +119,10 @@ INTERNAL = Status(500, "INTERNAL", "Something unexpected went wrong")
 
 def status_of(error: ShapeConceptsError) -> Status:
     """The status of an error: its class's, or the nearest base's that the table has."""
-    return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
+    status = next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
+    if isinstance(error, RateExceeded):
+        return status._replace(retry=max(status.retry, math.ceil(error.after)))
+    return status
 
 
 def problem(type_name: str, title: str, status: int, detail: str, request_id: str) -> dict[str, Any]:

@@ -17,6 +17,8 @@ T = TypeVar("T")
 async def run_while_wanted(pool: Pool, work: Callable[[OnStage], T]) -> T:
     """The result of work done on the pool; when the caller is cancelled, the work ends with the stage that it is at.
 
+    Work that has not begun is dropped.
+
     Args:
         pool: which the caller has been admitted to.
         work: is given what it calls as each stage begins.
@@ -24,13 +26,14 @@ async def run_while_wanted(pool: Pool, work: Callable[[OnStage], T]) -> T:
     Raises:
         Exception: whatever the work raises.
     """
-    unwanted = threading.Event()
+    begun, unwanted = threading.Event(), threading.Event()
 
     def go_on(stage: str) -> None:
         if unwanted.is_set():
             raise Cancelled(f"The client hung up, or its deadline passed; the work ended before {stage}.")
 
     def begin() -> T:
+        begun.set()
         go_on("it began")
         return work(go_on)
 
@@ -39,5 +42,7 @@ async def run_while_wanted(pool: Pool, work: Callable[[OnStage], T]) -> T:
         return await asyncio.shield(working)
     except asyncio.CancelledError:
         unwanted.set()
+        if not begun.is_set():
+            working.cancel()
         await asyncio.gather(working, return_exceptions=True)  # its place is free when its thread is
         raise

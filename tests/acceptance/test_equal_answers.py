@@ -20,6 +20,7 @@ import httpx
 import numpy as np
 import pytest
 import zenoh
+from google.protobuf.json_format import MessageToDict
 
 from service.clouds import write_ply
 from service.store import ModelStore
@@ -29,6 +30,7 @@ from service.transports.open_inference.generated.inference import grpc_service_p
 from service.transports.open_inference.generated.inference.grpc_service_pb2_grpc import GRPCInferenceServiceStub
 from tests.learnt import learnt, objects
 from tests.service.clouds.written import npy
+from tests.service.tabletop.seen import set_table
 from tests.service.transports.zenoh.router import session
 
 Said = dict[str, Any]
@@ -186,6 +188,65 @@ ASKED: dict[str, Said] = {
     "no such model": {"model": "mugs"},
     "no such version": {"model": "tiny:7"},
 }
+
+
+def of_scene(document: Said) -> Said:
+    """What the answer to a scene says, as REST writes it, without how long it took."""
+    for part in (document, *(one["answer"] for one in document["objects"])):
+        del part["timings_ms"]
+    return document
+
+
+def scene_over_rest(wires: Wires, cloud: bytes, params: Said) -> Said:
+    response = httpx.post(f"{wires.http}/v1/responses", params=params | {"scene": True}, content=cloud, timeout=60)
+    return of_scene(response.json()) if response.status_code == 200 else {"error": response.json()["detail"]}
+
+
+def scene_over_grpc(wires: Wires, cloud: bytes, params: Said) -> Said:
+    sent, options = cloud_pb2.Cloud(file=cloud_pb2.CloudFile(data=cloud)), answer_pb2.Options(**params)
+    with grpc.insecure_channel(wires.grpc) as channel:
+        try:
+            request = service_pb2.RespondSceneRequest(cloud=sent, options=options)
+            answer = ShapeConceptsServiceStub(channel).RespondScene(request, timeout=60).answer
+        except grpc.RpcError as error:
+            return {"error": error.details()}
+    said = MessageToDict(answer, preserving_proto_field_name=True, always_print_fields_with_no_presence=True)
+    for one in said["objects"]:
+        one["box"]["axes"] = list(one["box"]["axes"].values())
+        one |= {"error": one.get("error"), "at_border": one.get("at_border")}
+        one["answer"].pop("point_segments")
+        for concept in one["answer"]["concepts"]:
+            concept.setdefault("name", None)
+    del said["point_objects"]
+    return of_scene(said)
+
+
+def scene_over_zenoh(wires: Wires, cloud: bytes, params: Said) -> Said:
+    left = {name: value for name, value in params.items() if name != "model"}
+    selector = f"shape-concepts/@v1/models/{params.get('model', 'tiny')}/respond"
+    selector += "?" + ";".join(f"{name}={value}" for name, value in ({"scene": "true"} | left).items())
+    with session(connect=wires.zenoh) as robot:
+        (reply,) = robot.get(selector, payload=cloud, timeout=60, target=zenoh.QueryTarget.BEST_MATCHING)
+        document = json.loads(reply.result.payload.to_bytes())
+        return of_scene(document) if reply.ok is not None else {"error": document["detail"]}
+
+
+@pytest.mark.parametrize("params", ASKED.values(), ids=ASKED)
+def test_every_wire_that_takes_scenes_finds_the_same_objects(wires: Wires, params: Said) -> None:
+    cloud = write_ply(set_table("kinect").cloud)
+    said = [ask(wires, cloud, params) for ask in (scene_over_rest, scene_over_grpc, scene_over_zenoh)]
+    assert said[0] == said[1] == said[2]
+    assert "error" in said[0] or len(said[0]["objects"]) == 3
+    assert ("error" in said[0]) == ("no such" in next(name for name, of in ASKED.items() if of is params))
+
+
+def test_every_wire_that_takes_scenes_refuses_the_same_one_with_the_same_words(wires: Wires) -> None:
+    rng = np.random.default_rng(0)
+    for points in (rng.random((12, 3)), np.full((200, 3), np.nan), rng.random((500, 3)) * [1, 0, 0] + [0, 0, 1]):
+        cloud = npy(points.astype(np.float32))
+        said = [ask(wires, cloud, {}) for ask in (scene_over_rest, scene_over_grpc, scene_over_zenoh)]
+        assert said[0] == said[1] == said[2]
+        assert "error" in said[0]
 
 
 @pytest.mark.parametrize("params", ASKED.values(), ids=ASKED)

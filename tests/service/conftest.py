@@ -22,6 +22,8 @@ from service.transports.rest.app import create_app
 from worker.learning.train import NamedCloud, train
 from worker.simulation import simulate
 
+S3 = {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_REGION": "us-east-1"}
+
 
 @pytest.fixture(scope="session")
 def clouds() -> list[PointCloud]:
@@ -48,7 +50,8 @@ def settings(store: ModelStore, monkeypatch: pytest.MonkeyPatch) -> Settings:
     """Settings for that store, whatever the environment of the tests says."""
     for name in [name for name in os.environ if name.startswith("SHAPE_CONCEPTS_")]:
         monkeypatch.delenv(name)
-    return Settings(store=store.url, workers=2, queue=2, max_body=2**20, body_timeout=5)
+    url = f"sqlite:///{Path(store.url).parent / 'jobs.sqlite'}"
+    return Settings(store=store.url, jobs_url=url, workers=2, queue=2, max_body=2**20, body_timeout=5)
 
 
 @pytest.fixture
@@ -72,3 +75,32 @@ def client(application: Application) -> Iterator[httpx.Client]:
         yield client
     server.should_exit = True
     thread.join()
+
+
+@pytest.fixture(scope="session")
+def bucket() -> Iterator[str]:
+    """The endpoint of an S3 server with a bucket `models`."""
+    server = pytest.importorskip("moto.server", reason="moto is not installed").ThreadedMotoServer("127.0.0.1", 0)
+    server.start()
+    endpoint = "http://{}:{}".format(*server.get_host_and_port())
+    import boto3
+
+    boto3.client(
+        "s3",
+        endpoint_url=endpoint,
+        region_name="us-east-1",
+        aws_access_key_id="tests",
+        aws_secret_access_key="tests",
+    ).create_bucket(Bucket="models")
+    yield endpoint
+    server.stop()
+
+
+@pytest.fixture(params=["folder", "bucket"])
+def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Where a store may be: a folder, and a bucket."""
+    if request.param == "folder":
+        return str(tmp_path / "store")
+    for name, value in (S3 | {"AWS_ENDPOINT_URL": request.getfixturevalue("bucket")}).items():
+        monkeypatch.setenv(name, value)
+    return f"s3://models/{tmp_path.name}"

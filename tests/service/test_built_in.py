@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from service.application import Application, CloudFile
-from service.built_in import FOLDER, built_in
+from service.built_in import built_in
 from service.cli import main
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
@@ -25,7 +25,7 @@ from service.engine.errors import ModelDamaged, ModelIncompatible, ModelNotFound
 from service.engine.model import ShapeModel
 from service.engine.params import ModelParams
 from service.settings import Settings
-from service.store import ModelStore
+from service.store import SHIPPED, ModelStore
 from service.transports.rest.examples import CLOUD_XYZ
 from tests.conftest import ROOT
 
@@ -42,7 +42,7 @@ def settings(settings: Settings, tmp_path: Path) -> Settings:
 @pytest.fixture(scope="module")
 def shipped() -> ShapeModel:
     try:
-        return built_in().load("default", 1)[0]
+        return built_in().load(*built_in().resolve("default"))[0]
     except (ModelDamaged, ModelIncompatible, ModelNotFound) as error:
         pytest.fail(f"{RENEW} ({error})")
 
@@ -52,7 +52,7 @@ def test_it_is_whole_and_of_this_version(shipped: ShapeModel) -> None:
     manifest = built_in().manifest("default", 1)
     assert shipped.params == ModelParams(), RENEW
     assert (manifest.source["kind"], manifest.source["clouds"]) == ("simulation", 250)
-    assert sum(file.stat().st_size for file in FOLDER.rglob("*")) < LARGEST
+    assert sum(file.stat().st_size for file in SHIPPED.rglob("*")) < LARGEST
 
 
 def test_the_command_that_learns_it_is_the_one_documented() -> None:
@@ -106,7 +106,8 @@ def test_a_store_with_a_model_of_its_own_wins_whatever_its_name(
     assert answer.responses == model.respond(clouds[0]).responses.tolist()
     assert not application.ready().built_in
     assert [each.built_in for each in application.models()] == [False]
-    assert application.manifest("default", 1).seed == 1
+    assert application.manifest("default", 2).seed == 1
+    assert answer.version == 2, "default:1 is the built-in one, wherever it is asked"
 
 
 def test_while_the_first_model_is_published_every_request_is_answered_by_one_or_the_other(
@@ -136,12 +137,12 @@ class TestSwitchedOff:
 
 
 def test_nobody_publishes_into_it(application: Application) -> None:
-    before = sorted(FOLDER.rglob("*"))
+    before = sorted(SHIPPED.rglob("*"))
     with pytest.raises(ModelNotFound):
         application.promote("default:1", "staging")
     with pytest.raises(ModelNotFound):
         application.rollback("default")
-    assert sorted(FOLDER.rglob("*")) == before
+    assert sorted(SHIPPED.rglob("*")) == before
 
 
 def test_an_installation_brings_it_along(tmp_path: Path) -> None:
@@ -154,7 +155,7 @@ def test_an_installation_brings_it_along(tmp_path: Path) -> None:
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as packed:
         found = {name for name in packed.namelist() if name.startswith("service/default_model/")}
-        wanted = {file.relative_to(ROOT).as_posix() for file in FOLDER.rglob("*") if file.is_file()}
+        wanted = {file.relative_to(ROOT).as_posix() for file in SHIPPED.rglob("*") if file.is_file()}
         assert found == wanted
         for name in wanted:
             assert packed.read(name) == (ROOT / name).read_bytes()

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from service.archives import write
 from service.cli import main
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
@@ -27,6 +28,8 @@ from service.settings import Settings
 from service.store import ModelStore
 from tests.service.clouds.written import npy, png
 from tests.service.tabletop.seen import set_table
+from tests.service.test_archives import NOW
+from tests.service.test_datasets import ply
 
 
 @pytest.fixture
@@ -47,6 +50,53 @@ def run(*arguments: str, stdin: bytes | None = None) -> Result:
 
 def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def test_a_schedule_is_made_looked_at_paused_and_removed(folder: Path) -> None:
+    assert run("schedules", "list", "--json").stdout == '{"schedules": []}\n'
+    assert not (folder / "jobs.sqlite").exists()
+    times = ("weekly", "--cron", "0 3 * * mon", "--zone", "Europe/Berlin")
+    for _ in range(2):
+        made = run("schedules", "create", *times, "--job", '{"name": "toys", "simulate": 2}')
+        assert made.exit_code == 0, made.output
+        assert "Schedule weekly is active; next due" in made.stdout
+    (shown,) = lines(run("schedules", "show", "weekly", "--json"))
+    assert (shown["cron"], shown["zone"], shown["job"]["simulate"]) == ("0 3 * * mon", "Europe/Berlin", 2)
+    assert lines(run("schedules", "list", "--json"))[0]["schedules"] == [shown]
+    assert "weekly" in run("schedules", "list").stdout
+    assert "simulate" in run("schedules", "show", "weekly").stdout
+    assert lines(run("schedules", "pause", "weekly", "--json"))[0]["next_due"] is None
+    assert "active" in run("schedules", "resume", "weekly").stdout
+    assert run("schedules", "delete", "weekly").exit_code == 0
+    refused = run("schedules", "show", "weekly")
+    assert (refused.exit_code, "There is no schedule 'weekly'" in refused.stderr) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--cron", "soon", "--job", '{"name": "toys", "simulate": 2}'), "no cron expression"),
+        (("--cron", "0 3 * * mon", "--job", "[1]"), "No such file"),
+        (("--cron", "0 3 * * mon", "--job", "{"), "no JSON"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys"}'), "at least one of"),
+        (("--cron", "0 3 * * mon", "--job", '{"name": "toys", "extend": "nobody"}'), "There is no 'nobody@production'"),
+    ],
+)
+def test_a_schedule_that_cannot_be_says_why(folder: Path, arguments: tuple[str, ...], said: str) -> None:
+    refused = run("schedules", "create", "weekly", *arguments)
+    assert refused.exit_code == 1
+    assert said in refused.stderr
+
+
+def test_versions_are_compared(folder: Path, store: ModelStore, model: ShapeModel) -> None:
+    store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+    (told,) = lines(run("models", "compare", "tiny", "tiny@staging", "--json"))
+    assert [(told[which]["model"], told[which]["version"]) for which in ("old", "new")] == [("tiny", 1), ("tiny", 2)]
+    assert told["fates"] == {"persists": len(model.concepts().ids)}
+    shown = run("models", "compare", "tiny:1", "tiny:2")
+    assert shown.exit_code == 0
+    assert "persists" in shown.stdout
+    assert run("models", "compare", "tiny:1", "tiny:3").exit_code == 1
 
 
 def test_respond_prints_one_json_line_a_cloud(folder: Path, model: ShapeModel, clouds: list[PointCloud]) -> None:
@@ -303,8 +353,8 @@ EXAMPLES = [
 def test_every_example_of_the_help_runs(
     folder: Path, store: ModelStore, model: ShapeModel, clouds: list[PointCloud], example: str
 ) -> None:
-    if "s3://" in example or " serve" in example or " watch " in example:
-        pytest.skip("needs a bucket, or never ends: other tests do so")
+    if any(word in example for word in ("s3://", " serve", " watch ", " record ", " jobs report ")):
+        pytest.skip("needs a bucket or a worker, or never ends: other tests do so")
     for alias in ("production", "staging") * 2:
         store.publish(model, name="default", seed=7, source={}, alias=alias)
     for name in ("mug.pcd", "mug.npy", "mug.xyz"):  # the content tells the format
@@ -316,8 +366,16 @@ def test_every_example_of_the_help_runs(
     Path("labels.csv").write_text("file,category\nmug.xyz,mug\n")
     Path("scans").mkdir()
     Path("scans/1.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
-    if " jobs show " in example or " jobs cancel " in example:
+    if " datasets " in example:
+        Path("scans.zip").write_bytes(b"".join(write([("1.ply", Path("good.ply").read_bytes())], "zip", NOW)))
+        run("datasets", "create", "mugs")
+        run("datasets", "add", "mugs", "mug.xyz")
+    if "nightly-2025-01-31" in example and " submit " not in example:
         run("jobs", "submit", "--simulate", "1000", "--name", "default", "--id", "nightly-2025-01-31")
+    job = {"name": "default", "simulate": 250}
+    Path("job.json").write_text(json.dumps(job))
+    if " schedules " in example and " weekly" in example and " create " not in example:
+        run("schedules", "create", "weekly", "--cron", "0 3 * * mon", "--job", json.dumps(job))
     if " keys revoke " in example:
         made = json.loads(run("keys", "create", "robot-7", "--json").stdout)
         example = example.rpartition(" ")[0] + f" {made['id']}"
@@ -345,11 +403,23 @@ class TestNames:
         assert given == {"model": "tiny", "version": 1, "concept": concept, "name": "tea mug"}
         assert "tea mug" in run("names", "list", "tiny").stdout
         (listed,) = lines(run("names", "list", "tiny:1", "--json"))
-        assert listed["names"] == [{"concept": concept, "name": "tea mug"}]
+        assert listed["names"] == [{"concept": concept, "name": "tea mug", "carried_from": None}]
         (answer,) = lines(run("respond", "--json", "good.ply"))
         assert {c["id"]: c["name"] for c in answer["concepts"]}[concept] == "tea mug"
         assert f"Concept {concept} of tiny:1 has no name now" in run("names", "remove", "tiny", str(concept)).stdout
         assert lines(run("names", "list", "tiny", "--json"))[0]["names"] == []
+
+    def test_names_are_carried_over_once_and_say_so(self, folder: Path, store: ModelStore, model: ShapeModel) -> None:
+        store.publish(model, name="tiny", seed=7, source={}, alias="staging")
+        concept = int(model.concepts().ids[0])
+        run("names", "set", "tiny:1", str(concept), "mug")
+        for _ in range(2):
+            (carried,) = lines(run("names", "carry", "tiny:2", "--from", "tiny:1", "--json"))
+            assert (carried["version"], carried["carried_from"]) == (2, "tiny:1")
+            assert carried["names"] == [{"concept": concept, "name": "mug", "before": concept, "jaccard": 1}]
+        assert "mug" in run("names", "carry", "tiny@staging", "--from", "tiny").stdout
+        assert "tiny:1" in run("names", "list", "tiny:2").stdout
+        assert "say another version" in run("names", "carry", "tiny:1", "--from", "tiny").stderr
 
     def test_names_are_proposed_from_labels_and_given_when_asked(self, folder: Path) -> None:
         (folder / "labels.csv").write_text("file,category\ngood.ply,mug\nbad.ply,bowl\nnowhere.ply,bowl\n")
@@ -394,7 +464,113 @@ def test_a_key_is_shown_once_and_its_secret_in_no_list(folder: Path) -> None:
     assert text.split("_", 2)[2] not in listed.stdout + json.dumps(key)
 
 
+def test_the_limits_of_a_key_are_told(folder: Path) -> None:
+    made = run("keys", "create", "cameras", "--max-body", "4000000", "--max-points", "300000", "--max-batch", "8")
+    assert made.exit_code == 0
+    (key,) = json.loads(run("keys", "list", "--json").stdout)["keys"]
+    assert (key["max_body"], key["max_points"], key["max_batch"]) == (4_000_000, 300_000, 8)
+    listed = " ".join(run("keys", "list").stdout.replace("│", " ").split())
+    for limit in ("4000000", "300000", "8"):
+        assert limit in listed
+    refused = run("keys", "create", "cameras", "--max-points", "3")
+    assert refused.exit_code != 0
+    assert "max_points" in refused.stderr
+
+
 def test_a_key_that_is_not_there_cannot_be_revoked(folder: Path) -> None:
     result = run("keys", "revoke", "0123456789ab")
     assert result.exit_code == 1
     assert "keys list" in result.stderr
+
+
+class TestDatasets:
+    @pytest.fixture(autouse=True)
+    def mugs(self, folder: Path) -> None:
+        """A folder of clouds, and an empty dataset."""
+        for seed, file in enumerate(("a.ply", "deep/b.ply", "torn.ply", "notes.md", "sheet.png", ".hidden.ply")):
+            (folder / "scans" / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / "scans" / file).write_bytes(ply(seed)[: -9 if file == "torn.ply" else None])
+        (folder / "scans" / "labels.csv").write_text("file,category\na.ply,mug\ndeep/b.ply,bowl\n")
+        assert run("datasets", "create", "mugs", "--description", "some").exit_code == 0
+
+    def test_a_folder_goes_in_and_an_archive_comes_out_that_makes_the_same_dataset(self) -> None:
+        added = run("datasets", "add", "mugs", "scans", "--json")
+        assert added.exit_code == 1
+        assert {line["key"]: line["outcome"] for line in lines(added)} == {
+            "a.ply": "accepted",
+            "deep/b.ply": "accepted",
+            "torn.ply": "refused",
+            "notes.md": "left-out",
+            "sheet.png": "left-out",
+            ".hidden.ply": "left-out",
+            "labels.csv": "accepted",
+        }
+        again = run("datasets", "add", "mugs", "scans")
+        assert "2 already-there" in again.stdout
+        assert again.stderr.startswith("Error: torn.ply: ")
+        run("datasets", "create", "copy")
+        (shown,) = lines(run("datasets", "show", "mugs", "--json"))
+        assert [entry["key"] for entry in shown["listed"]] == ["a.ply", "deep/b.ply"]
+        for out in ("mugs.zip", "mugs.tar.gz"):
+            assert run("datasets", "download", "mugs", "--out", out).exit_code == 0
+            assert run("datasets", "add", "copy", out).exit_code == 0
+        (copy,) = lines(run("datasets", "show", "copy", "--json"))
+        assert [copy[part] for part in ("digest", "categories")] == [shown[part] for part in ("digest", "categories")]
+        (listed,) = lines(run("datasets", "list", "--json"))
+        assert [held["name"] for held in listed["datasets"]] == ["copy", "mugs"]
+        for command in (["list"], ["show", "mugs"], ["show", "mugs", "--limit", "0"]):
+            assert "mugs" in run("datasets", *command).stdout
+
+    def test_files_are_added_by_their_names_and_come_back_byte_for_byte(self) -> None:
+        assert run("datasets", "add", "mugs", "scans/a.ply", "scans/deep/b.ply").exit_code == 0
+        clash = run("datasets", "add", "mugs", "good.ply", "scans/torn.ply", "--json")
+        assert [(line["key"], line["outcome"]) for line in lines(clash)] == [
+            ("good.ply", "accepted"),
+            ("torn.ply", "refused"),
+        ]
+        shutil.copy("good.ply", "a.ply")
+        assert "another cloud 'a.ply'" in run("datasets", "add", "mugs", "a.ply").stderr
+        assert "1 replaced" in run("datasets", "add", "mugs", "a.ply", "--replace").stdout
+        assert run("datasets", "download", "mugs", "--key", "a.ply", "--out", "back.ply").exit_code == 0
+        assert Path("back.ply").read_bytes() == Path("good.ply").read_bytes()
+
+    def test_labels_are_printed_and_taken(self) -> None:
+        run("datasets", "add", "mugs", "scans/a.ply")
+        Path("more.csv").write_text("file,category\na.ply,cup\nnobody.ply,mug\n")
+        taken = run("datasets", "labels", "mugs", "--add", "more.csv", "--json")
+        assert (taken.exit_code, "nobody.ply" in taken.stderr) == (1, True)
+        assert run("datasets", "labels", "mugs").stdout.splitlines()[1].startswith("a.ply,cup,")
+        assert lines(run("datasets", "labels", "mugs", "--json"))[0]["labels"]["a.ply"]["category"] == "cup"
+
+    def test_what_a_model_learnt_from_is_deleted_by_force_only(self, store: ModelStore, model: ShapeModel) -> None:
+        run("datasets", "add", "mugs", "scans/a.ply")
+        source = {"kind": "dataset", "name": "mugs", "digest": "0", "clouds": 1}
+        store.publish(model, name="m", seed=1, source=source)
+        refused = run("datasets", "delete", "mugs")
+        assert (refused.exit_code, "m:1" in refused.stderr, "--force" in refused.stderr) == (1, True, True)
+        assert run("datasets", "delete", "mugs", "--force").exit_code == 0
+        assert run("datasets", "show", "mugs").exit_code == 1
+
+    @pytest.mark.parametrize(
+        ("arguments", "code", "said"),
+        [
+            (["create", "Mugs"], 1, "lower-case"),
+            (["create", "mugs", "--description", "others"], 1, "some"),
+            (["add", "nobody", "scans"], 1, "nobody"),
+            (["add", "mugs", "nowhere"], 2, "nowhere"),
+            (["add", "mugs", "scans", "--unit", "furlong"], 2, "--unit"),
+            (["download", "mugs", "--out", "mugs.rar"], 2, "--out"),
+            (["download", "mugs", "--out", "x.ply", "--key", "x"], 1, "no cloud"),
+            (["labels", "mugs", "--add", "good.ply"], 1, "comma-separated"),
+            (["record", "mugs", "--key", "a/b"], 2, "--connect"),
+            (["record", "mugs", "--key", "a//b", "--connect", "tcp/127.0.0.1:1"], 1, "a//b"),
+            (["record", "nobody", "--key", "a/b", "--connect", "tcp/127.0.0.1:1"], 1, "nobody"),
+            (["record", "mugs", "--key", "a/b", "--connect", "tcp/127.0.0.1:1"], 1, "Unable to connect"),
+            (["record", "mugs", "--key", "a/b", "--format", "stl"], 2, "--format"),
+        ],
+    )
+    def test_what_is_wrong_is_said(self, arguments: list[str], code: int, said: str) -> None:
+        result = run("datasets", *arguments)
+        assert (result.exit_code, said in result.stderr) == (code, True), result.output
+        assert "Traceback" not in result.stderr
+        assert not list(Path().glob("*.part"))

@@ -23,6 +23,21 @@ def test_a_key_is_known_by_every_replica(keys: KeyStore, tmp_path: Path) -> None
     assert (key.name, key.scopes, key.rate, key.concurrency) == ("robot-7", ("answer",), 5, 2)
 
 
+def test_the_limits_of_a_key_are_kept(keys: KeyStore, tmp_path: Path) -> None:
+    text, _ = keys.create("robot-7", ("answer",), max_body=4096, max_points=300, max_batch=2)
+    key = authenticate(text, KeyStore(tmp_path).valid())
+    assert (key.max_body, key.max_points, key.max_batch) == (4096, 300, 2)
+
+
+def test_a_key_of_before_there_were_such_limits_goes_on_without_them(keys: KeyStore, tmp_path: Path) -> None:
+    text, key = keys.create("robot-7", ("answer",), rate=5)
+    file = tmp_path / "keys" / f"{key.id}.json"
+    stored = json.loads(file.read_text())
+    file.write_text(json.dumps({name: value for name, value in stored.items() if not name.startswith("max_")}))
+    old = authenticate(text, KeyStore(tmp_path).valid())
+    assert (old.rate, old.max_body, old.max_points, old.max_batch) == (5, None, None, None)
+
+
 def test_the_secret_is_nowhere_in_the_store(keys: KeyStore, tmp_path: Path) -> None:
     text, _ = keys.create("robot-7", SCOPES)
     secret = text.split("_", 2)[2].encode()
@@ -84,6 +99,9 @@ def test_texts_that_are_no_key_are_refused(keys: KeyStore) -> None:
         ("x", ("answer",), {"rate": 0}),
         ("x", ("answer",), {"rate": float("nan")}),
         ("x", ("answer",), {"concurrency": 0}),
+        ("x", ("answer",), {"max_body": 1023}),
+        ("x", ("answer",), {"max_points": 99}),
+        ("x", ("answer",), {"max_batch": 0}),
     ],
 )
 def test_a_key_that_makes_no_sense_is_not_made(keys: KeyStore, name: str, scopes: tuple, limits: dict) -> None:

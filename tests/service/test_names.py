@@ -45,6 +45,34 @@ def test_of_many_who_name_at_once_none_is_lost(log: NameLog) -> None:
     assert log.read() == Names(24, {concept: f"thing {concept}" for concept in range(24)})
 
 
+def test_names_are_carried_over_only_to_concepts_that_were_never_touched(log: NameLog, tmp_path: Path) -> None:
+    log.change({20: "cup", 21: "bowl"})
+    log.change({21: None})
+    carried = log.carry({20: "mug", 21: "bowl", 22: "can"}, "tiny:1")
+    assert carried == Names(3, {20: "cup", 22: "can"}, {22: "tiny:1"})
+    assert log.carry({22: "can", 20: "mug"}, "tiny:1") == carried  # again, it is done once
+    assert NameLog(Objects(tmp_path), "models/tiny/names/00000001").read() == carried
+    assert [(entry.name, entry.carried_from) for entry in log.history(22)] == [("can", "tiny:1")]
+    assert [entry.carried_from for entry in log.history(20)] == [None]
+
+
+def test_what_was_carried_over_is_a_persons_once_it_is_given_again(log: NameLog) -> None:
+    log.carry({20: "mug", 21: "bowl", 22: "can"}, "tiny:1")
+    assert log.change({20: "mug"}) == Names(2, {20: "mug", 21: "bowl", 22: "can"}, {21: "tiny:1", 22: "tiny:1"})
+    assert log.change({21: "dish"}).carried == {22: "tiny:1"}
+    assert log.change({22: None}) == Names(4, {20: "mug", 21: "dish"})
+    assert log.carry({20: "pot", 21: "pot", 22: "pot"}, "tiny:2") == Names(4, {20: "mug", 21: "dish"})
+
+
+def test_of_a_person_and_a_carrier_at_once_the_persons_name_holds(log: NameLog) -> None:
+    with ThreadPoolExecutor(8) as threads:
+        for concept in range(12):
+            threads.submit(log.carry, {concept: "carried"}, "tiny:1")
+            threads.submit(log.change, {concept: "given"})
+    assert log.read().of == dict.fromkeys(range(12), "given")
+    assert log.read().carried == {}
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"names": {"x": "y"}, "changed": {}, "at": ""}'])
 def test_an_altered_entry_is_refused(log: NameLog, tmp_path: Path, content: bytes) -> None:
     log.change({20: "mug"})

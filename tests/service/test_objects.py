@@ -37,6 +37,26 @@ def test_a_path_and_its_file_url_are_the_same_folder(tmp_path: Path, form: str) 
     assert Objects(folder.as_uri()).get("a/b") == b"x"
 
 
+def test_many_objects_are_written_listed_read_and_removed(url: str) -> None:
+    objects = Objects(url)
+    assert objects.listing("many") == []
+    assert objects.find("many/0") is None
+    objects.discard(["many/0"])
+    written = [(f"many/{number:03}", bytes(number)) for number in range(300)]
+    objects.put_each(written)
+    assert [(found.key, found.size) for found in objects.listing("many")] == [(key, len(d)) for key, d in written]
+    assert list(objects.get_each([key for key, _ in written])) == [data for _, data in written]
+    assert list(objects.get_each(["many/007", "many/nobody"])) == [bytes(7), None]
+    found = objects.find("many/299")
+    assert found is not None
+    assert (found.size, found in objects.listing("many")) == (299, True)
+    objects.discard(["many/nobody", *(key for key, _ in written[1:])])
+    assert objects.keys("many") == ["many/000"]
+    objects.remove("many")
+    objects.remove("many")
+    assert objects.keys("many") == []
+
+
 def test_only_numbered_entries_count(tmp_path: Path) -> None:
     objects = Objects(tmp_path)
     for number in (3, 1):

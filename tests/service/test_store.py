@@ -7,7 +7,6 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,36 +16,6 @@ from service.engine.errors import InvalidParameter, ModelDamaged, ModelNotFound
 from service.engine.model import ShapeModel
 from service.model_file import encode, read_manifest, sha256
 from service.store import ModelStore
-
-ENVIRONMENT = {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_REGION": "us-east-1"}
-
-
-@pytest.fixture(scope="module")
-def bucket() -> Iterator[str]:
-    """The endpoint of an S3 server with a bucket `models`."""
-    server = pytest.importorskip("moto.server", reason="moto is not installed").ThreadedMotoServer("127.0.0.1", 0)
-    server.start()
-    endpoint = "http://{}:{}".format(*server.get_host_and_port())
-    import boto3
-
-    boto3.client(
-        "s3",
-        endpoint_url=endpoint,
-        region_name="us-east-1",
-        aws_access_key_id="tests",
-        aws_secret_access_key="tests",
-    ).create_bucket(Bucket="models")
-    yield endpoint
-    server.stop()
-
-
-@pytest.fixture(params=["folder", "bucket"])
-def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    if request.param == "folder":
-        return str(tmp_path / "store")
-    for name, value in (ENVIRONMENT | {"AWS_ENDPOINT_URL": request.getfixturevalue("bucket")}).items():
-        monkeypatch.setenv(name, value)
-    return f"s3://models/{tmp_path.name}"
 
 
 def publish(store: ModelStore, model: ShapeModel, name: str = "tiny", alias: str | None = "production") -> int:
@@ -256,3 +225,41 @@ def test_only_versions_that_exist_can_be_promoted(store: ModelStore) -> None:
         store.promote("tiny", 2)
     with pytest.raises(ModelNotFound):
         store.rollback("tiny", "nobody")
+
+
+def test_what_is_published_once_by_many_at_a_time_is_one_version(url: str, model: ShapeModel) -> None:
+    """As when a worker that was taken for dead goes on beside the one that took its job over."""
+    made: dict[str, object] = {"name": "tiny", "seed": 7, "source": {}, "job": "nightly", "once": "nightly-1"}
+
+    def publish_either(turn: int) -> int:
+        if turn % 4 == 0:  # others take numbers meanwhile
+            return -publish(ModelStore(url), model, alias=None)
+        return ModelStore(url).publish(model, **made).version  # type: ignore[arg-type]
+
+    with ThreadPoolExecutor(8) as threads:
+        taken = list(threads.map(publish_either, range(16)))
+    assert len({version for version in taken if version > 0}) == 1
+    store = ModelStore(url)
+    assert store.versions("tiny") == [1, 2, 3, 4, 5]
+    assert [store.manifest("tiny", version).job for version in store.versions("tiny")].count("nightly") == 1
+
+
+def test_parent_and_metrics_are_kept_and_absent_where_they_were_not_told(url: str, model: ShapeModel) -> None:
+    store = ModelStore(url)
+    publish(store, model)
+    told = store.publish(model, name="tiny", seed=7, source={}, parent="tiny:1", metrics={"knn": 0.75})
+    found = store.manifest("tiny", 2)
+    assert (found.parent, found.metrics) == (told.parent, told.metrics) == ("tiny:1", {"knn": 0.75})
+    assert not {"parent", "metrics", "job"} & set(store.manifest("tiny", 1).model_dump())
+
+
+def test_an_alias_is_exchanged_only_while_it_means_what_was_expected(tmp_path: Path, model: ShapeModel) -> None:
+    store = ModelStore(tmp_path)
+    for _ in range(3):
+        store.publish(model, name="m", seed=1, source={}, alias=None)
+    assert store.exchange("m", None, 1)
+    assert store.exchange("m", 1, 2)
+    assert not store.exchange("m", 1, 3)
+    assert store.exchange("m", 1, 2)  # it is so already
+    assert [entry.version for entry in store.alias_history("m")] == [1, 2]
+    assert store.rollback("m") == 1

@@ -41,6 +41,18 @@ def test_orders_choose_the_objects(tmp_path: Path) -> None:
         assert run("simulate", *chosen, "--orders", wrong).exit_code == 2
 
 
+def test_names_outlast_training_where_they_still_fit(simulated: Path, tmp_path: Path) -> None:
+    arguments = ("train", "--clouds", simulated, "--name", "m", "--store", tmp_path, "--workers", 1)
+    assert run(*arguments).exit_code == 0
+    store = ModelStore(tmp_path)
+    concept = int(store.load("m", 1)[0].concepts().ids[0])
+    store.concept_names("m", 1).change({concept: "mug"})
+    result = run(*arguments)
+    assert "1 names were carried over from m:1" in result.stdout
+    assert store.concept_names("m", 2).read() == (1, {concept: "mug"}, {concept: "m:1"})
+    assert store.aliases("m") == {"production": 2}
+
+
 def test_training_publishes_versions_that_can_be_told_apart_only_by_number_and_time(
     simulated: Path, tmp_path: Path
 ) -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.clouds import write_ply
+from service.clouds import Viewpoint, read, write_ply
+from service.datasets import Datasets
 from service.engine.cloud import PointCloud
-from service.engine.errors import InvalidParameter
+from service.engine.errors import DatasetNotFound, InvalidParameter
 from worker.simulation import SimulationParams, simulate
-from worker.sources import Folder, Simulation
+from worker.sources import Dataset, Folder, Joined, Simulation
 
 
 def ply(seed: int) -> bytes:
@@ -66,3 +67,64 @@ def test_a_simulation_gives_the_objects_of_its_seed() -> None:
     for (_, cloud), simulated in zip(given, expected, strict=True):
         assert np.array_equal(cloud.points, simulated.cloud.points)
     assert source.describe()["parameters"] == params.model_dump(mode="json")
+
+
+@pytest.fixture
+def datasets(tmp_path: Path) -> Datasets:
+    """A store with two datasets of two clouds each."""
+    datasets = Datasets(tmp_path / "store")
+    for name, seeds in (("first", (1, 2)), ("second", (3, 4))):
+        datasets.create(name)
+        for seed in seeds:
+            assert datasets.add(name, f"{9 - seed}.ply", box(seed)).outcome == "accepted"
+    return datasets
+
+
+def box(seed: int) -> bytes:
+    points = np.random.default_rng(seed).uniform((-0.05, -0.05, 0.45), (0.05, 0.05, 0.55), (150, 3))
+    return write_ply(PointCloud(points.astype(np.float32)))
+
+
+def test_a_dataset_gives_the_clouds_that_it_had_in_the_order_of_their_keys(datasets: Datasets) -> None:
+    source = Dataset(datasets, "first")
+    datasets.add("first", "later.ply", box(7))
+    for _ in range(2):
+        given = list(source)
+        assert [key for key, _ in given] == ["first/7.ply", "first/8.ply"]
+        for seed, (_, cloud) in zip((2, 1), given, strict=True):
+            assert np.array_equal(cloud.points, read(box(seed)).points)
+    assert (source.count, source.refused) == (2, [])
+    described = source.describe()
+    assert described == {"kind": "dataset", "name": "first", "digest": described["digest"], "clouds": 2}
+    assert described["digest"] != datasets.digest("first")
+    assert Dataset(datasets, "first").describe()["digest"] == datasets.digest("first")
+
+
+def test_a_cloud_of_a_dataset_is_read_as_it_was_added(datasets: Datasets) -> None:
+    pose = Viewpoint((0.0, 0.0, -100.0))
+    millimetres = write_ply(PointCloud((read(box(1)).points * 1000).astype(np.float32)))
+    datasets.create("posed")
+    datasets.add("posed", "a.ply", millimetres, unit="mm", viewpoint=pose)
+    ((_, cloud),) = list(Dataset(datasets, "posed"))
+    assert np.array_equal(cloud.points, read(millimetres, unit="mm", viewpoint=pose).points)
+
+
+def test_a_dataset_without_clouds_is_no_source(datasets: Datasets) -> None:
+    datasets.create("empty")
+    with pytest.raises(InvalidParameter, match="empty"):
+        Dataset(datasets, "empty")
+    with pytest.raises(DatasetNotFound):
+        Dataset(datasets, "nobody")
+
+
+def test_joined_sources_follow_one_another(datasets: Datasets, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "broken.ply").write_bytes(b"ply\n")
+    (tmp_path / "folder" / "good.ply").write_bytes(ply(1))
+    parts = [Dataset(datasets, "second"), Folder(tmp_path / "folder"), Dataset(datasets, "first")]
+    joined = Joined(parts)
+    for _ in range(2):
+        assert [key for key, _ in joined] == ["second/5.ply", "second/6.ply", "good.ply", "first/7.ply", "first/8.ply"]
+        assert [key for key, _ in joined.refused] == ["broken.ply"]
+    assert joined.count == 6
+    assert joined.describe() == {"kind": "joined", "clouds": 6, "parts": [part.describe() for part in parts]}

@@ -46,6 +46,11 @@ class Samples:
     groups: NDArray[np.str_]
 
 
+def tells_apart(samples: Samples) -> bool:
+    """Whether there are two numbers or more for each cloud, not the same for all clouds."""
+    return samples.vectors.shape[1] >= 2 and bool(np.ptp(samples.vectors, axis=0).any())
+
+
 def require(samples: Samples, what: str = "the model's responses") -> None:
     """Checks that the protocols can be followed.
 
@@ -56,8 +61,8 @@ def require(samples: Samples, what: str = "the model's responses") -> None:
     Raises:
         InvalidParameter: they cannot.
     """
-    size = samples.vectors.shape[1]
-    if size < 2 or not np.ptp(samples.vectors, axis=0).any():
+    if not tells_apart(samples):
+        size = samples.vectors.shape[1]
         raise InvalidParameter(
             f"Nothing can be told from {what}: there {'is 1 number' if size == 1 else f'are {size} numbers'} for each "
             "cloud, and at least 2 are needed that are not the same for all clouds. A model that was trained on more "

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
@@ -14,18 +13,21 @@ from typing import Any, NamedTuple
 import grpc
 from google.protobuf.message import DecodeError
 
-from service.access import Gate
-from service.engine.errors import Cancelled, InvalidParameter, Overloaded, ShapeConceptsError
+from service.access import Caller, Gate
+from service.engine.errors import Cancelled, ContentTooLarge, InvalidParameter, Overloaded, ShapeConceptsError
 from service.scopes import Scope
 from service.telemetry import Telemetry, Wire
 from service.transports import errors
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
+from service.transports.request_ids import name_request
+from service.transports.served import asking
 
 log = logging.getLogger(__name__)
 
 SERVICE = service_pb2.DESCRIPTOR.services_by_name["ShapeConceptsService"].full_name
-SCOPE: Scope = "answer"  # what every call does: nothing is altered
+ANSWER: tuple[Scope, ...] = ("answer",)  # what a call does of which nothing else is said: it alters nothing
+PACKAGE = SERVICE.rpartition(".")[0]
 REQUEST_ID = "x-request-id"
 DETAILS = "grpc-status-details-bin"  # where gRPC's clients look for a google.rpc.Status
 
@@ -42,7 +44,7 @@ class Refusal(Exception):
 
 
 LATE = errors.Status(408, "DEADLINE_EXCEEDED", "The request took too long to arrive")
-ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=True)
+ENDING = errors.Status(503, "UNAVAILABLE", "The service is ending", retry=errors.RETRY_AFTER)
 
 
 class _Problem(NamedTuple):
@@ -63,6 +65,7 @@ class Guard(grpc.aio.ServerInterceptor):
         timeout: longest time that the one message of a call may take to arrive, seconds. A stream may be silent.
         services: names of our services.
         open: paths of the calls that need no access key.
+        scopes: that calls need one of, by their paths, where it is not "answer".
     """
 
     def __init__(
@@ -73,7 +76,9 @@ class Guard(grpc.aio.ServerInterceptor):
         timeout: float,
         services: Iterable[str] = (SERVICE,),
         open: frozenset[str] = frozenset(),
+        scopes: Mapping[str, tuple[Scope, ...]] | None = None,
     ) -> None:
+        self._scopes = dict(scopes or {})
         self._ours = tuple(f"/{name}/" for name in services)
         self._unlocked = open
         self._gate = gate
@@ -110,15 +115,16 @@ class Guard(grpc.aio.ServerInterceptor):
         )
 
     async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> None:
-        request_id = str(uuid.uuid4())
+        given = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
+        request_id = name_request(given.get(REQUEST_ID, ""))
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
-        carrier = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
-        wire: Wire = "grpc" if method.startswith(f"/{SERVICE}/") else "open-inference"
-        with self._telemetry.request(wire, request_id, method, carrier) as seen:
+        wire: Wire = "grpc" if method.startswith(f"/{PACKAGE}.") else "open-inference"
+        with self._telemetry.request(wire, request_id, method, given) as seen:
             try:
                 with self._entered():
-                    async with self._let_in(method, _key_of(context)):  # before anything of a message is received
+                    async with self._let_in(method, _key_of(context)) as caller:  # before any message is received
+                        asking.set(caller)
                         await self._behave(handler, context)
             except Exception as error:
                 seen.failed(error.kind if isinstance(error, Refusal) else error)
@@ -144,23 +150,23 @@ class Guard(grpc.aio.ServerInterceptor):
                 self._none_open.set()
 
     @asynccontextmanager
-    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[None]:
+    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[Caller]:
         """Asks the gate; on a thread where it may have to ask the store."""
         if method in self._unlocked:
-            yield
+            yield self._gate.anybody
             return
         with ExitStack() as stack:
-            entered = self._gate.entered(key, SCOPE)
+            entered = self._gate.entered(key, *self._scopes.get(method, ANSWER))
             if self._gate.open:
-                stack.enter_context(entered)
+                caller = stack.enter_context(entered)
             else:
                 entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
                 try:
-                    await asyncio.shield(entering)
+                    caller = await asyncio.shield(entering)
                 except asyncio.CancelledError:
                     await asyncio.gather(entering, return_exceptions=True)
                     raise
-            yield
+            yield caller
 
     async def _behave(self, handler: Any, context: Any) -> None:
         if handler.request_streaming:
@@ -188,6 +194,7 @@ class Guard(grpc.aio.ServerInterceptor):
 
         Raises:
             InvalidParameter: bytes that are no such message.
+            ContentTooLarge: more of them than the caller may send; gRPC itself refuses what the service does not take.
             Refusal: nothing came in time.
         """
         reading = asyncio.ensure_future(context.read())
@@ -203,6 +210,11 @@ class Guard(grpc.aio.ServerInterceptor):
         finally:
             ending.cancel()
             reading.cancel()
+        if len(received) > (limit := asking.get().max_body):
+            raise ContentTooLarge(
+                f"The message of {len(received)} bytes is larger than the {limit} that are taken. Send fewer points, "
+                "or fewer clouds at a time."
+            )
         try:
             return handler.request_deserializer(received)
         except DecodeError as error:

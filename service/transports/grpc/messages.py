@@ -12,12 +12,20 @@ from grpc import StatusCode
 
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
+from service.catalogue import ConceptList
 from service.clouds import DepthCamera, Viewpoint
 from service.clouds.npy import of_points
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.model_file import Manifest
+from service.scene_answer import SceneAnswer
 from service.transports import errors
-from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, model_pb2, service_pb2
+from service.transports.grpc.generated.shapeconcepts.v1 import (
+    answer_pb2,
+    cloud_pb2,
+    model_pb2,
+    scene_pb2,
+    service_pb2,
+)
 
 DOMAIN = "shape-concepts"
 LONGEST_DETAIL = 1000  # bytes; with much more, clients would refuse the metadata in which errors are told
@@ -48,7 +56,7 @@ def to_options(message: answer_pb2.Options) -> dict[str, Any]:
         InvalidParameter: a name that is too long to be one.
     """
     return to_reference(message) | {
-        "time": _optional(message, "time"),
+        "time": to_time(message),
         "top": _optional(message, "top"),
         "stimuli": message.stimuli,
         "explain": message.explain,
@@ -56,7 +64,14 @@ def to_options(message: answer_pb2.Options) -> dict[str, Any]:
     }
 
 
-def to_reference(message: answer_pb2.Options | service_pb2.GetModelRequest) -> dict[str, Any]:
+def to_time(message: answer_pb2.Options | service_pb2.ListConceptsRequest) -> float | None:
+    """The filtration time that is asked for, if one is."""
+    return _optional(message, "time")
+
+
+def to_reference(
+    message: answer_pb2.Options | service_pb2.GetModelRequest | service_pb2.ListConceptsRequest,
+) -> dict[str, Any]:
     """Which model is meant, as `Application.which` takes it.
 
     Raises:
@@ -77,6 +92,14 @@ def from_answer(answer: Answer) -> answer_pb2.Answer:
     return answer_pb2.Answer(**answer.model_dump())
 
 
+def from_scene(answer: SceneAnswer) -> scene_pb2.SceneAnswer:
+    """The answer to a scene; the messages have the names of its fields."""
+    facts = answer.model_dump()
+    for one in facts["objects"]:
+        one["box"]["axes"] = dict(zip(("length", "width", "height"), one["box"]["axes"], strict=True))
+    return scene_pb2.SceneAnswer(**facts)
+
+
 def from_summary(summary: ModelSummary) -> model_pb2.ModelSummary:
     """A model of the store."""
     return model_pb2.ModelSummary(**summary.model_dump())
@@ -89,12 +112,17 @@ def from_manifest(manifest: Manifest) -> model_pb2.Manifest:
     return model_pb2.Manifest(**facts, created=manifest.created, contents=contents)
 
 
+def from_concepts(concepts: ConceptList) -> model_pb2.ConceptList:
+    """The concepts of a version; the messages have the names of its fields."""
+    return model_pb2.ConceptList(**concepts.model_dump())
+
+
 def to_problem(document: Mapping[str, Any], status: errors.Status) -> service_pb2.Problem:
     """A problem document, for one cloud of several."""
     problem = service_pb2.Problem(**document, code=code_of(status).value[0])
     problem.detail = _shortened(problem.detail)
     if status.retry:
-        problem.retry_delay.FromSeconds(errors.RETRY_AFTER)
+        problem.retry_delay.FromSeconds(status.retry)
     return problem
 
 
@@ -108,7 +136,7 @@ def to_status(document: Mapping[str, Any], status: errors.Status, request_id: st
     ]
     if status.retry:
         retry = details.RetryInfo()
-        retry.retry_delay.FromSeconds(errors.RETRY_AFTER)
+        retry.retry_delay.FromSeconds(status.retry)
         said.append(retry)
     told = status_pb2.Status(code=code_of(status).value[0], message=_shortened(document["detail"]))
     for detail in said:

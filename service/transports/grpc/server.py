@@ -16,8 +16,10 @@ from grpc_reflection.v1alpha import reflection
 from service.application import Application
 from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
-from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2_grpc
+from service.transports.grpc.generated.shapeconcepts.v1 import jobs_pb2_grpc, service_pb2_grpc
 from service.transports.grpc.guard import SERVICE, Guard
+from service.transports.grpc.jobs import SCOPES, JobsServicer
+from service.transports.grpc.jobs import SERVICE as JOBS
 from service.transports.grpc.servicer import Servicer
 from service.transports.served import Served
 
@@ -50,13 +52,14 @@ async def serving(application: Application, grace: float, beside: Sequence[Serve
     if settings.grpc_port < 0:
         yield None
         return
-    names = (SERVICE, *(service.name for service in beside))
+    names = (SERVICE, JOBS, *(service.name for service in beside))
     unlocked = frozenset(f"/{service.name}/{call}" for service in beside for call in service.open)
-    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout, names, unlocked)
+    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout, names, unlocked, SCOPES)
     server = grpc.aio.server(
         interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
     )
     service_pb2_grpc.add_ShapeConceptsServiceServicer_to_server(Servicer(application), server)
+    jobs_pb2_grpc.add_JobsServiceServicer_to_server(JobsServicer(application.training), server)
     for service in beside:
         service.add(server)
     states = health.HealthServicer()

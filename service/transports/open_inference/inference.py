@@ -110,7 +110,7 @@ def metadata(application: Application, model: str, version: str) -> dict[str, An
     asked = parse_version(version)
     name, number = application.which(parse_model(model), asked)
     if asked is None:
-        return describe(name, application.store.versions(name))
+        return describe(name, application.model(name).versions)
     application.manifest(name, number)
     return describe(name, [number])
 
@@ -197,7 +197,7 @@ def check_cloud(name: str, datatype: str, shape: Sequence[int], max_points: int)
     if shape[0] == 0:
         raise EmptyCloud("The cloud holds no point. Send the points that the sensor measured of one object.")
     if shape[0] > max_points:
-        raise TooManyPoints(f"The cloud has {quote(shape[0])} points; at most {max_points} are taken.")
+        raise TooManyPoints(f"The cloud has {quote(shape[0])} points; at most {max_points} are taken: thin it out.")
     return shape[0]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
+from functools import partial
 
 from fastapi.concurrency import contextmanager_in_threadpool, run_in_threadpool
 from starlette.applications import Starlette
@@ -13,14 +14,19 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from service.access import Caller
 from service.application import Application
 from service.engine.errors import Cancelled, ShapeConceptsError
+from service.engine.model import OnStage
 from service.scopes import Scope
+from service.telemetry import current
 from service.transports import errors
 from service.transports.arriving import arriving, limits_of, whole
+from service.transports.connected import while_connected
 from service.transports.open_inference.inference import infer, metadata, parse_model, parse_version
 from service.transports.open_inference.rest_messages import HEADER_LENGTH, Body, read_request, write_response
 from service.transports.open_inference.signature import SERVER
+from service.transports.wanted import run_while_wanted
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +68,6 @@ class _Endpoints:
 
     def __init__(self, application: Application) -> None:
         self._application = application
-        self._limits = limits_of(application.settings)
 
     async def server(self, request: Request) -> Response:
         return JSONResponse(SERVER)
@@ -87,20 +92,25 @@ class _Endpoints:
         return JSONResponse({"name": name, "ready": True})
 
     async def infer(self, request: Request) -> Response:
+        caller: Caller = request.state.caller
         with self._application.intake.opened() as take:
-            async with arriving(request, self._limits, take) as limited:
+            async with arriving(request, limits_of(self._application.settings, caller), take) as limited:
                 body = await whole(limited)
             with self._application.pool.admitted():
-                content, length = await self._application.pool.run(
-                    self._infer, body, request.headers.get(HEADER_LENGTH), *_meant(request)
+                work = partial(
+                    self._infer, body, request.headers.get(HEADER_LENGTH), *_meant(request), caller.max_points
                 )
+                wanted = run_while_wanted(self._application.pool, work)
+                content, length = await while_connected(request, wanted)
         if length is None:
             return Response(content, media_type="application/json")
         return Response(content, headers={HEADER_LENGTH: str(length)}, media_type="application/octet-stream")
 
-    def _infer(self, body: bytes, json_length: str | None, model: str, version: str) -> Body:
-        asked = read_request(body, json_length, model, version, self._application.settings.max_points)
-        return write_response(infer(self._application, asked.inference), asked.inference.id, asked.binary)
+    def _infer(
+        self, body: bytes, json_length: str | None, model: str, version: str, max_points: int, on_stage: OnStage
+    ) -> Body:
+        asked = read_request(body, json_length, model, version, max_points)
+        return write_response(infer(self._application, asked.inference, on_stage), asked.inference.id, asked.binary)
 
 
 def _told(application: Application, scope: Scope | None, endpoint: Endpoint) -> Endpoint:
@@ -111,7 +121,7 @@ def _told(application: Application, scope: Scope | None, endpoint: Endpoint) -> 
             async with AsyncExitStack() as stack:
                 if scope is not None:
                     entered = application.access.entered(_key(request), scope)
-                    await stack.enter_async_context(contextmanager_in_threadpool(entered))
+                    request.state.caller = await stack.enter_async_context(contextmanager_in_threadpool(entered))
                 return await endpoint(request)
         except ShapeConceptsError as error:
             return _ours(request, error)
@@ -126,11 +136,13 @@ def _told(application: Application, scope: Scope | None, endpoint: Endpoint) -> 
 
 def _ours(request: Request, error: ShapeConceptsError) -> Response:
     status = errors.status_of(error)
+    if (seen := current()) is not None:
+        seen.failed(error)  # the telemetry sees no error that is answered
     if status.http >= 500:
         log.error("%s %s: %s: %s", _request_id(request), request.url.path, error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", _request_id(request), request.url.path, error)
-    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    headers = {"Retry-After": str(status.retry)} if status.retry else {}
     return _answer(
         status.http, _detail(error), headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {})
     )

@@ -3,48 +3,93 @@
 from __future__ import annotations
 
 import json
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, Field, StrictBool, StrictInt, StrictStr, ValidationError
+from pydantic import BaseModel, Field, StrictBool, StrictInt, StrictStr, ValidationError, WithJsonSchema
 
+from service.clouds import UNITS
 from service.engine.errors import InvalidParameter, UnreadableCloud
 from service.transports.open_inference import inference
 from service.transports.open_inference.inference import Inference, Inferred
 from service.transports.open_inference.json_data import Cut, cut_out, read_numbers
+from service.transports.open_inference.signature import CLOUD, DATATYPE, OUTPUTS
 from service.transports.open_inference.tensors import to_bytes
 
 HEADER_LENGTH = "Inference-Header-Content-Length"
 BINARY_SIZE = "binary_data_size"
 BINARY_OUTPUT = "binary_data_output"
 
+_NUMBER: dict[str, Any] = {"type": ["number", "null"]}
+_ROW: dict[str, Any] = {"type": "array", "items": _NUMBER, "minItems": 3, "maxItems": 3}
+_DATA: dict[str, Any] = {
+    "oneOf": [{"type": "array", "items": _NUMBER}, {"type": "array", "items": _ROW, "minItems": 1}, {"type": "null"}]
+}
+_SHAPE: dict[str, Any] = {"type": "array", "items": {"type": "integer"}, "minItems": 2, "maxItems": 2}
+_PARAMETERS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "time": {"type": "number", "minimum": 0, "maximum": 1, "description": "filtration time of all concepts"},
+        "top": {"type": "integer", "minimum": 1, "description": "how many concepts are ranked"},
+        "unit": {"enum": list(UNITS), "description": "of the coordinates; metres by default"},
+        "viewpoint": {
+            "type": "string",
+            "maxLength": inference.LONGEST_TEXT,
+            "description": "pose of the sensor: x,y,z or x,y,z,qw,qx,qy,qz",
+        },
+        BINARY_OUTPUT: {"type": "boolean", "description": "whether tensors are to follow the JSON as bytes"},
+    },
+}
 
-class _InputParameters(BaseModel, extra="forbid"):
-    binary_data_size: StrictInt | None = Field(None, ge=0)
+
+class InputParameters(BaseModel, extra="forbid"):
+    """What is said of an input."""
+
+    binary_data_size: StrictInt | None = Field(
+        None, ge=0, description="bytes of the tensor, where it follows the JSON instead of being its `data`"
+    )
 
 
-class _Input(BaseModel):
-    name: StrictStr
-    datatype: StrictStr
-    shape: list[StrictInt] = Field(max_length=16)
-    data: Any = None
-    parameters: _InputParameters = _InputParameters()
+class InferenceInput(BaseModel):
+    """The tensor that a model takes."""
+
+    name: Annotated[StrictStr, WithJsonSchema({"const": CLOUD})] = Field(description="of the tensor")
+    datatype: Annotated[StrictStr, WithJsonSchema({"const": DATATYPE})] = Field(description="of its values")
+    shape: Annotated[list[StrictInt], WithJsonSchema(_SHAPE)] = Field(
+        max_length=16, description="[N, 3]: x y z of each of N points"
+    )
+    data: Annotated[Any, WithJsonSchema(_DATA)] = Field(
+        None, description="the 3 N coordinates, row after row, or a list of rows; null where nothing was measured"
+    )
+    parameters: InputParameters = Field(InputParameters(), description="what is said of it")
 
 
-class _OutputParameters(BaseModel, extra="forbid"):
-    binary_data: StrictBool | None = None
-    classification: StrictInt = 0
+class OutputParameters(BaseModel, extra="forbid"):
+    """What is said of an output that is asked for."""
+
+    binary_data: StrictBool | None = Field(
+        None, description="whether it is to follow the JSON as bytes; by default as `binary_data_output` says"
+    )
+    classification: Annotated[StrictInt, WithJsonSchema({"const": 0})] = Field(0, description="there are no classes")
 
 
-class _Requested(BaseModel):
-    name: StrictStr
-    parameters: _OutputParameters = _OutputParameters()
+class RequestedOutput(BaseModel):
+    """A tensor that is asked for."""
+
+    name: Annotated[StrictStr, WithJsonSchema({"enum": list(OUTPUTS)})] = Field(description="of the tensor, once")
+    parameters: OutputParameters = Field(OutputParameters(), description="how it is to be given")
 
 
-class _Request(BaseModel):
-    id: StrictStr = ""
-    parameters: dict[str, Any] = {}
-    inputs: list[_Input] = Field(min_length=1, max_length=1)
-    outputs: list[_Requested] = []
+class InferenceRequest(BaseModel):
+    """A cloud, and what is asked about it."""
+
+    id: Annotated[StrictStr, WithJsonSchema({"type": "string", "maxLength": inference.LONGEST_ID})] = Field(
+        "", description="that the answer is to have as well"
+    )
+    parameters: Annotated[dict[str, Any], WithJsonSchema(_PARAMETERS)] = Field(
+        {}, description="as over REST; those of Triton for scheduling have no effect"
+    )
+    inputs: list[InferenceInput] = Field(min_length=1, max_length=1, description="the cloud")
+    outputs: list[RequestedOutput] = Field([], description="by default those that need not be asked for by name")
 
 
 class Asked(NamedTuple):
@@ -130,15 +175,15 @@ def _json_end(body: bytes, json_length: str | None) -> int:
     return int(json_length)
 
 
-def _parse(document: bytes) -> _Request:
+def _parse(document: bytes) -> InferenceRequest:
     try:
-        return _Request.model_validate_json(document)
+        return InferenceRequest.model_validate_json(document)
     except ValidationError as error:
         faults = [f"{'.'.join(map(str, fault['loc'])) or 'body'}: {fault['msg']}" for fault in error.errors()[:3]]
         raise UnreadableCloud(f"The request is not one of the protocol: {'; '.join(faults)}.") from error
 
 
-def _data(body: bytes, end: int, cut: Cut, given: _Input, points: int) -> bytes:
+def _data(body: bytes, end: int, cut: Cut, given: InferenceInput, points: int) -> bytes:
     """The coordinates: from the bytes after the JSON, or from the JSON."""
     size = given.parameters.binary_data_size
     if size is None:

@@ -13,7 +13,7 @@ from service.transports.open_inference.generated.inference import grpc_service_p
 from service.transports.open_inference.grpc_messages import read_request, write_response
 from service.transports.open_inference.inference import infer, metadata, parse_model, parse_version
 from service.transports.open_inference.signature import SERVER
-from service.transports.served import Served
+from service.transports.served import Served, asking
 from service.transports.wanted import run_while_wanted
 
 SERVICE: str = pb.DESCRIPTOR.services_by_name["GRPCInferenceService"].full_name
@@ -81,7 +81,7 @@ class Servicer(pb_grpc.GRPCInferenceServiceServicer):
         """Answers a cloud."""
 
         def work(on_stage: OnStage) -> pb.ModelInferResponse:
-            asked = read_request(request, self._application.settings.max_points)
+            asked = read_request(request, asking.get().max_points)
             return write_response(infer(self._application, asked, on_stage), asked.id)
 
         with self._application.intake.opened() as take:

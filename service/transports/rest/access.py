@@ -9,6 +9,7 @@ from fastapi import Depends, Request, Security
 from fastapi.params import Depends as Dependency
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from service.access import Caller
 from service.application import Application
 from service.scopes import Scope
 
@@ -23,23 +24,40 @@ READING = ("GET", "HEAD")
 def needing(application: Application, scope: Scope) -> Dependency:
     """Lets callers in whose access keys allow this; for as long as a request is under way."""
 
-    def enter(sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]) -> Iterator[None]:
-        with application.access.entered(sent.credentials if sent else None, scope):
+    def enter(
+        request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
+    ) -> Iterator[None]:
+        with application.access.entered(sent.credentials if sent else None, scope) as request.state.caller:
             yield
 
     result: Any = Depends(enter)
     return result
 
 
-def reading(application: Application, otherwise: Scope) -> Dependency:
-    """As `needing`: whoever may have answers may read, and who alters something needs another scope."""
+def caller_of(request: Request) -> Caller:
+    """Who sends a request that was let in."""
+    caller: Caller = request.state.caller
+    return caller
+
+
+def reading(application: Application, *scopes: Scope, otherwise: Scope) -> Dependency:
+    """As `needing`: who has one of some scopes may read, by default "answer"; who alters something needs another."""
 
     def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
     ) -> Iterator[None]:
-        scope: Scope = "answer" if request.method in READING else otherwise
-        with application.access.entered(sent.credentials if sent else None, scope):
+        any_of = (scopes or ("answer",)) if request.method in READING else (otherwise,)
+        with application.access.entered(sent.credentials if sent else None, *any_of) as request.state.caller:
             yield
 
     result: Any = Depends(enter)
     return result
+
+
+def without_need_of_keys(openapi: dict[str, Any]) -> dict[str, Any]:
+    """The document of a service that lets everybody in: a key may be sent with each operation, and is not needed."""
+    for path in openapi["paths"].values():
+        for operation in path.values():
+            if operation.get("security") and {} not in operation["security"]:
+                operation["security"].insert(0, {})
+    return openapi

@@ -8,7 +8,20 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from service import __version__
 from service.application import Application
-from service.transports.rest import access, batches, health, models, names, observing, problems, responses
+from service.transports.rest import (
+    access,
+    batches,
+    dataset_uploads,
+    datasets,
+    health,
+    jobs,
+    models,
+    names,
+    observing,
+    problems,
+    responses,
+    schedules,
+)
 from service.transports.rest.encodings import Decoding
 
 WORTHWHILE = 4096  # bytes of the smallest answer that is compressed for those who accept it
@@ -35,6 +48,10 @@ def create_app(application: Application) -> FastAPI:
         (batches, access.needing(application, "answer")),
         (models, access.reading(application, otherwise="manage")),
         (names, access.reading(application, otherwise="manage")),
+        (datasets, access.reading(application, "answer", "train", otherwise="train")),
+        (dataset_uploads, access.reading(application, "answer", "train", otherwise="train")),
+        (jobs, access.reading(application, "answer", "train", otherwise="train")),
+        (schedules, access.reading(application, "answer", "train", otherwise="train")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

@@ -17,8 +17,10 @@ from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter, ShapeConceptsError
 from service.transports import errors
 from service.transports.arriving import limits_of
+from service.transports.detail import parse_detail
 from service.transports.rest import model_examples
-from service.transports.rest.detail import DetailQuery, as_json, parse_detail
+from service.transports.rest.access import caller_of
+from service.transports.rest.detail import DetailQuery, as_json
 from service.transports.rest.problems import Problem, documented
 from service.transports.rest.queries import (
     AliasQuery,
@@ -59,7 +61,6 @@ def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
     settings = application.settings
-    limits = limits_of(settings)
 
     @routes.post(
         "/responses/batch",
@@ -83,13 +84,15 @@ def router(application: Application) -> APIRouter:
 
         A cloud that cannot be answered keeps no other from its answer. A batch takes one place among the requests that
         wait: its clouds are answered one after another, and several at once only while the service has nothing else
-        to do.
+        to do. Against the rate of an access key it counts as many as it has clouds.
         """
         frame = parse_frame(unit, viewpoint)
         parts = parse_detail(detail)
+        caller = caller_of(request)
         with application.intake.opened() as take:
-            uploads = await receive_clouds(request, limits, take, settings.max_batch)
+            uploads = await receive_clouds(request, limits_of(settings, caller), take, caller.max_batch)
             with application.pool.admitted():
+                caller.spend(len(uploads))
                 name, number = await application.pool.run(application.prepare, model, version, alias)
                 respond = partial(
                     application.respond,
@@ -100,6 +103,7 @@ def router(application: Application) -> APIRouter:
                     stimuli=parts.stimuli,
                     explain=parts.explanation,
                     segments=parts.segments,
+                    max_points=caller.max_points,
                 )
                 attempt = partial(answer_each, respond, frame, request.state.id)
                 items = await application.pool.run_each(attempt, uploads, request.is_disconnected)

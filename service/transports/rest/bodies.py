@@ -47,7 +47,8 @@ async def receive_cloud(request: Request, limits: Limits, take: Callable[[int], 
         UnsupportedFormat: the media type is not that of a cloud.
         UnreadableCloud: the form is malformed, has no such field, or other files.
         Cancelled: the client hung up.
-        HTTPException: 413, the body is larger than the limit; 408, it did not arrive in time.
+        ContentTooLarge: the body is larger than the limit.
+        HTTPException: 408, it did not arrive in time.
     """
     media_type = request.headers.get("content-type", "")
     form = media_type.partition(";")[0].strip().lower() == "multipart/form-data"

@@ -30,22 +30,34 @@ def tag_of(*parts: object) -> str:
     return f'"{hashlib.sha256(repr((__version__, *parts)).encode()).hexdigest()[:32]}"'
 
 
-def tagged(tag: str, if_none_match: str | None, cache_control: str, make: Callable[[], bytes | BaseModel]) -> Response:
+def tagged(
+    tag: str,
+    if_none_match: str | None,
+    cache_control: str,
+    make: Callable[[], bytes | BaseModel],
+    media_type: str = "application/json",
+) -> Response:
     """An answer with its tag, or only that it is so still.
 
     Args:
         tag: of the answer.
         if_none_match: what the client has.
         cache_control: LASTING or CHECKED.
-        make: the answer, JSON.
+        make: the answer.
+        media_type: of the answer.
     """
     headers = {"ETag": tag, "Cache-Control": cache_control}
-    held = {entry.strip().removeprefix("W/") for entry in (if_none_match or "").split(",")}
-    if tag in held or "*" in held:
+    if is_held(tag, if_none_match):
         return Response(status_code=304, headers=headers)
     made = make()
     body = made if isinstance(made, bytes) else made.model_dump_json().encode()
-    return Response(body, headers=headers, media_type="application/json")
+    return Response(body, headers=headers, media_type=media_type)
+
+
+def is_held(tag: str, if_none_match: str | None) -> bool:
+    """Whether the client has the answer that bears a tag."""
+    held = {entry.strip().removeprefix("W/") for entry in (if_none_match or "").split(",")}
+    return tag in held or "*" in held
 
 
 def tagged_by_content(document: BaseModel, if_none_match: str | None) -> Response:

@@ -1,21 +1,14 @@
-"""How much of an answer is sent: the parameter `detail`."""
+"""The parameter `detail` of HTTP requests, and JSON answers."""
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from fastapi import Query, Response
 from pydantic import BaseModel, WithJsonSchema
 
-from service.engine.errors import InvalidParameter
+from service.transports.detail import PARTS
 
-PARTS = {
-    "concepts": "the ranked concepts, which are always there, and nothing of all that follows",
-    "responses": "responses and distances to every concept, in concept order",
-    "stimuli": "the stimuli vector",
-    "segments": "the segment of each point sent",
-    "explanation": "why the answer is what it is",
-}
 _ONE = f"({'|'.join(PARTS)})"
 
 DetailQuery = Annotated[
@@ -28,38 +21,6 @@ DetailQuery = Annotated[
         examples=[["concepts"]],
     ),
 ]
-
-
-class Detail(NamedTuple):
-    """The parts that an answer has beside its ranked concepts."""
-
-    responses: bool
-    stimuli: bool
-    segments: bool
-    explanation: bool
-
-    def exclude(self) -> set[str]:
-        """The fields of an answer that are left out."""
-        return set() if self.responses else {"responses", "distances"}
-
-
-def parse_detail(
-    given: list[str] | None, *, stimuli: bool = False, segments: bool = False, explain: bool = False
-) -> Detail:
-    """The parts that are asked for by `detail`, and by the flags, each of which adds one.
-
-    Raises:
-        InvalidParameter: there is no such part.
-    """
-    parts = {part.strip() for text in given or ["responses"] for part in text.split(",")}
-    if unknown := sorted(parts - set(PARTS)):
-        raise InvalidParameter(f"There is no detail '{unknown[0][:60]}'; there are {', '.join(PARTS)}.")
-    return Detail(
-        "responses" in parts,
-        stimuli or "stimuli" in parts,
-        segments or "segments" in parts,
-        explain or "explanation" in parts,
-    )
 
 
 def as_json(document: BaseModel, exclude: object = None) -> Response:

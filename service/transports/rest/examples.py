@@ -8,6 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from service.engine.errors import (
+    CloudExists,
+    JobConflict,
     ModelDamaged,
     ModelNotFound,
     NotAllowed,
@@ -291,6 +293,10 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
     NotAllowed("The access key 'robot-7' allows to answer, not to manage."),
     UnreadableCloud("The form has no file in the field 'cloud': send it with -F cloud=@FILE."),
     ModelNotFound("There is no 'mugs@production'. The store holds: default."),
+    CloudExists(
+        "The dataset 'mugs' has another cloud 'kitchen/box-7.xyz': give this one another key, or say that it shall "
+        "replace it."
+    ),
     TooManyPoints(
         "the PCD file promises 1000000000000 points, the limit is 5000000; crop the cloud to the object or thin it out"
     ),
@@ -299,6 +305,7 @@ _ERRORS: tuple[ShapeConceptsError, ...] = (
         "The cloud has 12 points; at least 100 are needed. Move the sensor closer, or send the cloud at a higher "
         "resolution."
     ),
+    JobConflict("The job 'nightly-2025-01-31' is done; submit another one to do it again."),
     Overloaded("36 requests are already at work or waiting; try again in a second."),
     ModelDamaged("default:1 is refused. model.safetensors was cut off or replaced."),
     StoreUnavailable(),

@@ -13,7 +13,59 @@ ROLLED_BACK: dict[str, Any] = {"model": "default", "alias": "production", "versi
 
 NAME: dict[str, Any] = {"model": "default", "version": 1, "concept": 433, "name": "box"}
 
-NAMES: dict[str, Any] = {"model": "default", "version": 1, "names": [{"concept": 433, "name": "box"}]}
+NAMES: dict[str, Any] = {
+    "model": "default",
+    "version": 1,
+    "names": [{"concept": 433, "name": "box", "carried_from": None}],
+}
+
+CARRIED: dict[str, Any] = {
+    "model": "default",
+    "version": 2,
+    "carried_from": "default:1",
+    "names": [{"concept": 612, "name": "box", "before": 433, "jaccard": 0.8333333333333334}],
+}
+
+COMPARISON: dict[str, Any] = {
+    "old": {"model": "default", "version": 1, "time": 0.9319999999999999},
+    "new": {"model": "default", "version": 2, "time": 0.9},
+    "shared": 250,
+    "asked": 100,
+    "left_out": 0,
+    "fates": {"persists": 1, "merges": 1},
+    "origins": {"persists": 1},
+    "old_concepts": [
+        {
+            "id": 433,
+            "name": "box",
+            "prototypes": 5,
+            "objects": 6,
+            "concepts": [{"id": 612, "name": "box", "objects": 5, "jaccard": 0.8333333333333334}],
+            "fate": "persists",
+        },
+        {
+            "id": 421,
+            "name": None,
+            "prototypes": 3,
+            "objects": 4,
+            "concepts": [{"id": 640, "name": None, "objects": 4, "jaccard": 0.08}],
+            "fate": "merges",
+        },
+    ],
+    "new_concepts": [
+        {
+            "id": 612,
+            "name": "box",
+            "prototypes": 5,
+            "objects": 5,
+            "concepts": [{"id": 433, "name": "box", "objects": 5, "jaccard": 0.8333333333333334}],
+            "origin": "persists",
+        }
+    ],
+    "same_concepts": [
+        {"old": 433, "new": 612, "jaccard": 0.8333333333333334, "old_name": "box", "new_name": "box"},
+    ],
+}
 
 UNNAMED: dict[str, Any] = {"model": "default", "version": 1, "concept": 433, "name": None}
 
@@ -22,7 +74,10 @@ NAME_HISTORY: dict[str, Any] = {
     "version": 1,
     "concept": 433,
     "name": None,
-    "history": [{"name": "box", "at": "2026-11-22T10:24:29+00:00"}, {"name": None, "at": "2026-11-22T10:24:29+00:00"}],
+    "history": [
+        {"name": "box", "at": "2026-11-22T10:24:29+00:00", "carried_from": None},
+        {"name": None, "at": "2026-11-22T10:24:29+00:00", "carried_from": None},
+    ],
 }
 
 MODEL: dict[str, Any] = {

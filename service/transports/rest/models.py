@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 from service.application import Application, ModelSummary
 from service.catalogue import AnnexationGraph, Barcode, ConceptList, Tree
 from service.clouds import png
+from service.comparing import VersionComparison
 from service.engine.errors import ModelNotFound
 from service.model_file import NAME, Manifest
 from service.store import PRODUCTION
@@ -36,6 +37,17 @@ Leaving = Annotated[
         le=99_999_999,
         description="version that the alias shall no longer mean; if it means another one, nothing happens, so that a "
         "request that is repeated is done once",
+    ),
+]
+
+With = Annotated[
+    str,
+    Query(
+        alias="with",
+        pattern=f"^{NAME}(@{NAME}|:[0-9]{{1,8}})?$",
+        max_length=127,
+        description="version to which concepts go: NAME, NAME@ALIAS or NAME:VERSION",
+        examples=["default:2"],
     ),
 ]
 
@@ -132,6 +144,21 @@ def router(application: Application) -> APIRouter:
         )
 
     @routes.get(
+        "/{name}/versions/{version}/compare",
+        summary="What became of a version's concepts in another one?",
+        response_model=VersionComparison,
+        responses={**documented(model_examples.COMPARISON, 404, 422, 429, 500, 503), **caching.DOCUMENTED},
+    )
+    async def compare(name: Name, version: Version, other: With, if_none_match: IfNoneMatch = None) -> Response:
+        """Which concepts persist, merge, split or disappear, and which appear.
+
+        Versions are compared by the clouds that both learnt from, and by asking each about what the other one recalls
+        of its own: that may take seconds.
+        """
+        with application.pool.admitted():
+            return await application.pool.run(_compare, application, (name, version), other, if_none_match)
+
+    @routes.get(
         "/{model}/concepts",
         summary="Which concepts did a model learn?",
         response_model=ConceptList,
@@ -214,6 +241,13 @@ def router(application: Application) -> APIRouter:
         return AliasMeaning(model=name, alias=alias, version=version)
 
     return routes
+
+
+def _compare(application: Application, old: tuple[str, int], other: str, if_none_match: str | None) -> Response:
+    new = application.which(other)
+    names = [application.naming.names(*which).changes for which in (old, new)]
+    tag = tag_of(_tag(application, *old), _tag(application, *new), *names)
+    return tagged(tag, if_none_match, CHECKED, lambda: application.compare(old, new))
 
 
 def _tag(application: Application, name: str, version: int, *more: object) -> str:

@@ -10,10 +10,13 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.application import Application
+from service.carrying import CarriedName
+from service.model_file import NAME
 from service.names import LONGEST, check_concept_name
 from service.proposals import Proposal
 from service.transports.arriving import limits_of
 from service.transports.rest import caching, model_examples
+from service.transports.rest.access import caller_of
 from service.transports.rest.batches import Item, answer_each, parse_frame
 from service.transports.rest.caching import IfNoneMatch, tagged_by_content
 from service.transports.rest.problems import Problem, documented
@@ -27,6 +30,17 @@ ConceptId = Annotated[
 NameTime = Annotated[
     float | None,
     Query(ge=0, le=1, description="filtration time of the concepts that are named; by default the model's epsilon_max"),
+]
+
+NamesFrom = Annotated[
+    str,
+    Query(
+        alias="from",
+        pattern=f"^{NAME}(@{NAME}|:[0-9]{{1,8}})?$",
+        max_length=127,
+        description="version that has names: NAME, NAME@ALIAS or NAME:VERSION",
+        examples=["default:1"],
+    ),
 ]
 
 
@@ -52,6 +66,7 @@ class NameChange(BaseModel):
 
     name: str | None = Field(description="what it was called from then on, null for nothing")
     at: str = Field(description="UTC, ISO 8601")
+    carried_from: str | None = Field(description="NAME:VERSION whose concept had the name; null: a person gave it")
 
 
 class NameHistory(ConceptName):
@@ -65,6 +80,7 @@ class NamedConcept(BaseModel):
 
     concept: int = Field(description="its id")
     name: str = Field(description="its name")
+    carried_from: str | None = Field(description="NAME:VERSION whose concept had the name; null: a person gave it")
 
 
 class NameList(BaseModel):
@@ -73,6 +89,15 @@ class NameList(BaseModel):
     model: str = Field(description="name of the model")
     version: int = Field(description="its version")
     names: list[NamedConcept] = Field(description="by id")
+
+
+class CarriedNames(BaseModel):
+    """Names that were carried over."""
+
+    model: str = Field(description="name of the model whose concepts were named")
+    version: int = Field(description="its version")
+    carried_from: str = Field(description="NAME:VERSION that had the names")
+    names: list[CarriedName] = Field(description="that fit, of concepts that nobody has named or unnamed")
 
 
 class Proposals(BaseModel):
@@ -97,7 +122,6 @@ def router(application: Application) -> APIRouter:
     """The operations, for an application."""
     routes = APIRouter(prefix="/v1/models", tags=["names"], dependencies=[Depends(known_only)])
     settings = application.settings
-    limits = limits_of(settings)
 
     @routes.get(
         "/{model}/names",
@@ -108,9 +132,10 @@ def router(application: Application) -> APIRouter:
     def names(model: Reference, if_none_match: IfNoneMatch = None) -> Response:
         """The names of the concepts of one version; another version has concepts of its own."""
         name, version = application.which(model)
+        held = application.naming.names(name, version)
         named = [
-            NamedConcept(concept=id, name=called)
-            for id, called in sorted(application.naming.names(name, version).of.items())
+            NamedConcept(concept=id, name=called, carried_from=held.carried.get(id))
+            for id, called in sorted(held.of.items())
         ]
         return tagged_by_content(NameList(model=name, version=version, names=named), if_none_match)
 
@@ -142,7 +167,7 @@ def router(application: Application) -> APIRouter:
     async def rename(request: Request, model: Reference, concept: ConceptId) -> ConceptName:
         """Every replica tells it within seconds. Two concepts may have the same name."""
         with application.intake.opened() as take:
-            given = await receive_json(request, limits, take, GivenName)
+            given = await receive_json(request, limits_of(settings, caller_of(request)), take, GivenName)
         return await run_in_threadpool(_rename, application, model, concept, given.name)
 
     @routes.delete(
@@ -153,6 +178,20 @@ def router(application: Application) -> APIRouter:
     def remove(model: Reference, concept: ConceptId) -> ConceptName:
         """Its history keeps it. A concept without a name stays as it is."""
         return _rename(application, model, concept, None)
+
+    @routes.post(
+        "/{model}/names/carry",
+        summary="Call concepts what another version calls them",
+        responses=documented(model_examples.CARRIED, 404, 422, 429, 500, 503),
+    )
+    async def carry(model: Reference, source: NamesFrom) -> CarriedNames:
+        """Where they still are the same: more than half of the objects of both are common. Training does so by itself.
+
+        A concept that somebody has named, or whose name somebody has taken away, stays as it is. Repeated, it is done
+        once. It may take seconds.
+        """
+        with application.pool.admitted():
+            return await application.pool.run(_carry, application, model, source)
 
     @routes.post(
         "/{model}/names/propose",
@@ -174,12 +213,17 @@ def router(application: Application) -> APIRouter:
         tie, none is proposed.
         """
         frame = parse_frame(unit, viewpoint)
+        caller = caller_of(request)
         with application.intake.opened() as take:
-            uploads = await receive_clouds(request, limits, take, settings.max_batch, labelled=True)
+            limits = limits_of(settings, caller)
+            uploads = await receive_clouds(request, limits, take, caller.max_batch, labelled=True)
             labels = [check_concept_name(upload.label) for upload in uploads]
             with application.pool.admitted():
+                caller.spend(len(uploads))
                 name, version = await application.pool.run(application.prepare, model)
-                respond = partial(application.respond, model=name, version=version, time=time, top=1)
+                respond = partial(
+                    application.respond, model=name, version=version, time=time, top=1, max_points=caller.max_points
+                )
                 attempt = partial(answer_each, respond, frame, request.state.id)
                 items: list[Item] = await application.pool.run_each(attempt, uploads, request.is_disconnected)
         told = list(zip(labels, items, strict=True))
@@ -202,3 +246,9 @@ def _rename(application: Application, model: str, concept: int, given: str | Non
     name, version = application.which(model)
     kept = application.naming.rename(name, version, concept, given)
     return ConceptName(model=name, version=version, concept=concept, name=kept)
+
+
+def _carry(application: Application, model: str, source: str) -> CarriedNames:
+    (name, version), earlier = application.which(model), application.which(source)
+    carried = application.naming.carry(earlier, (name, version))
+    return CarriedNames(model=name, version=version, carried_from="{}:{}".format(*earlier), names=carried)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 import time
-import uuid
 from http import HTTPStatus
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -23,12 +21,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.engine.errors import Cancelled, InvalidParameter, ShapeConceptsError
 from service.telemetry import current
 from service.transports import errors
+from service.transports.request_ids import name_request
 from service.transports.rest import examples
 
 log = logging.getLogger(__name__)
 
 REQUEST_ID = "X-Request-ID"
-_ACCEPTED_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")  # harmless in a header, a line of a log and a URN
 
 
 class Refusal(NamedTuple):
@@ -106,8 +104,8 @@ def _read_examples(paths: dict[str, Any]) -> None:
     for operations in paths.values():
         for operation in operations.values():
             for answer in operation["responses"].values():
-                for content in answer.get("content", {}).values():
-                    if isinstance(content.get("example"), str):
+                for media_type, content in answer.get("content", {}).items():
+                    if media_type == "application/json" and isinstance(content.get("example"), str):
                         content["example"] = json.loads(content["example"])
 
 
@@ -123,8 +121,7 @@ class _Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        given = Headers(scope=scope).get(REQUEST_ID, "")
-        request_id = given if _ACCEPTED_ID.fullmatch(given) else str(uuid.uuid4())
+        request_id = name_request(Headers(scope=scope).get(REQUEST_ID, ""))
         scope.setdefault("state", {})["id"] = request_id
         status: int | None = None
         began = time.perf_counter()
@@ -164,7 +161,7 @@ async def _ours(request: Request, error: Exception) -> Response:
         log.error("%s %s: %s: %s", request.state.id, _quoted(request.url.path), error.type_name(), error)
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", request.state.id, _quoted(request.url.path), error)
-    headers = {"Retry-After": str(errors.RETRY_AFTER)} if status.retry else {}
+    headers = {"Retry-After": str(status.retry)} if status.retry else {}
     return _answer(document, headers | ({"WWW-Authenticate": "Bearer"} if status.http == 401 else {}))
 
 

@@ -9,11 +9,15 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from service.answer import Answer
 from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import FORMATS, UNITS, parse_camera
+from service.engine.model import OnStage
 from service.scene_answer import SceneAnswer
 from service.transports.arriving import limits_of
+from service.transports.connected import while_connected
+from service.transports.detail import parse_detail
 from service.transports.rest import examples
+from service.transports.rest.access import caller_of
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
-from service.transports.rest.detail import DetailQuery, as_json, parse_detail
+from service.transports.rest.detail import DetailQuery, as_json
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
     AliasQuery,
@@ -25,6 +29,7 @@ from service.transports.rest.queries import (
     ViewpointQuery,
     known_only,
 )
+from service.transports.wanted import run_while_wanted
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _TEXT: dict[str, Any] = {"schema": {"type": "string"}, "example": examples.CLOUD_XYZ}
@@ -94,7 +99,6 @@ _ANSWERS = {
 def router(application: Application) -> APIRouter:
     """The operation, for an application."""
     routes = APIRouter(prefix="/v1", tags=["responses"], dependencies=[Depends(known_only)])
-    limits = limits_of(application.settings)
 
     @routes.post(
         "/responses",
@@ -156,12 +160,15 @@ def router(application: Application) -> APIRouter:
         pose = None if viewpoint is None else parse_viewpoint(viewpoint)
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         camera = parse_camera(intrinsics, depth_scale)
+        caller = caller_of(request)
         with application.intake.opened() as take:
+            limits = limits_of(application.settings, caller)
             data, format, name, mask = await receive_cloud(request, limits, take)
-            with application.pool.admitted():
-                answer = await application.pool.run(
-                    application.respond_scene if scene else application.respond,
-                    CloudFile(data, format, name, unit, pose, camera, mask),
+            cloud = CloudFile(data, format, name, unit, pose, camera, mask)
+
+            def work(on_stage: OnStage) -> Response:
+                answer = (application.respond_scene if scene else application.respond)(
+                    cloud,
                     model=model,
                     version=version,
                     alias=alias,
@@ -170,8 +177,13 @@ def router(application: Application) -> APIRouter:
                     stimuli=parts.stimuli,
                     explain=parts.explanation,
                     segments=parts.segments,
+                    max_points=caller.max_points,
+                    on_stage=on_stage,
                 )
-                left_out: Any = {"objects": {"__all__": {"answer": parts.exclude()}}} if scene else parts.exclude()
-                return await application.pool.run(as_json, answer, left_out)
+                left_out = parts.exclude(scene=scene)
+                return as_json(answer, left_out)
+
+            with application.pool.admitted():
+                return await while_connected(request, run_while_wanted(application.pool, work))
 
     return routes

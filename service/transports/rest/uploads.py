@@ -12,7 +12,7 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
 from service.clouds.json_list import split
-from service.engine.errors import InvalidParameter, UnreadableCloud, UnsupportedFormat
+from service.engine.errors import ContentTooLarge, InvalidParameter, UnreadableCloud, UnsupportedFormat
 from service.transports.arriving import Limits, arriving, whole
 from service.transports.rest.bodies import FIELD
 
@@ -74,7 +74,8 @@ async def receive_clouds(
     Raises:
         UnreadableCloud: the form or the list is malformed, or holds no cloud, or labels for more or fewer of them.
         UnsupportedFormat: it is neither.
-        HTTPException: 413, there are too many, or as `arriving` raises.
+        ContentTooLarge: there are too many.
+        HTTPException: as `arriving` raises.
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     async with arriving(request, limits, take) as limited:
@@ -117,8 +118,8 @@ async def _of_form(request: Request, most: int, labelled: bool) -> list[Upload]:
         raise UnreadableCloud(f"The form cannot be read: {error.detail}") from error
 
 
-def _too_many(most: int) -> HTTPException:
-    return HTTPException(413, f"There are more than {most} clouds; send them in several requests.")
+def _too_many(most: int) -> ContentTooLarge:
+    return ContentTooLarge(f"There are more than {most} clouds; send them in several requests.")
 
 
 async def receive_json(request: Request, limits: Limits, take: Callable[[int], None], kind: type[Body]) -> Body:

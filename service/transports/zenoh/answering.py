@@ -16,11 +16,12 @@ import zenoh
 from zenoh.handlers import Callback
 
 from service.application import Application, CloudFile, parse_viewpoint
-from service.clouds import Viewpoint
+from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.formats import by_content
 from service.engine.errors import InvalidParameter, Overloaded
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
+from service.transports.zenoh.attachments import mask_of
 from service.transports.zenoh.encodings import POINT_CLOUD2, format_of, format_of_key
 from service.transports.zenoh.newest import Newest, Taken
 from service.transports.zenoh.problems import check_size, problem_of
@@ -45,6 +46,7 @@ class Sent(NamedTuple):
         payload: its bytes; an error where they are refused already.
         encoding: that of zenoh.
         attachment: to carry over.
+        mask: the file of a depth image's mask, if it came with one.
         held: of the limits on what is in memory.
     """
 
@@ -52,6 +54,7 @@ class Sent(NamedTuple):
     payload: zenoh.ZBytes | Exception
     encoding: zenoh.Encoding
     attachment: bytes | None
+    mask: bytes | None
     held: ExitStack
 
 
@@ -79,6 +82,7 @@ class Answering:
         self._stream = stream
         self._turns = turns
         self._pose = pose_of(stream)
+        self._camera = camera_of(stream)
         self._key = key_of(stream)
         at_once = 1 if stream.share == "key" else application.settings.workers
         self._newest: Newest[Sent] = Newest(KEYS, at_once, lambda sent: sent.held.close())
@@ -120,16 +124,19 @@ class Answering:
                 return
             held = ExitStack()
             payload: zenoh.ZBytes | Exception = sample.payload
+            mask: bytes | None = None
             try:
-                check_size(len(sample.payload), self._application.settings.max_body)
-                held.enter_context(self._application.intake.opened())(len(sample.payload))
+                size = len(sample.payload) + (0 if sample.attachment is None else len(sample.attachment))
+                check_size(size, self._application.settings.max_body)
+                held.enter_context(self._application.intake.opened())(size)
+                mask = mask_of(sample)
             except Overloaded:
                 held.close()
                 self._newest.drop(key)
                 return
             except Exception as error:
                 payload = error
-            if self._newest.put(key, Sent(source, payload, sample.encoding, attachment, held)):
+            if self._newest.put(key, Sent(source, payload, sample.encoding, attachment, mask, held)):
                 worker = asyncio.run_coroutine_threadsafe(self._work(key), self._loop)
                 self._workers.add(worker)
                 worker.add_done_callback(self._workers.discard)
@@ -199,7 +206,7 @@ class Answering:
         format = stream.format or format_of_key(source.key) or format_of(sent.encoding) or by_content(data)
         if format == POINT_CLOUD2 and (header := ros_header(data)):
             source = source._replace(frame_id=header.frame_id, stamp_ns=header.stamp_ns)
-        cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose)
+        cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose, camera=self._camera, mask=sent.mask)
         respond = self._application.respond_scene if stream.scene else self._application.respond
         answer = respond(cloud, model=stream.model, time=stream.time, top=stream.top)
         return answer.model_dump(mode="json"), source
@@ -226,6 +233,15 @@ def pose_of(stream: Stream) -> Viewpoint | None:
     if stream.frame != "optical":
         raise InvalidParameter(f"The stream {stream.key} has a viewpoint and a frame; a viewpoint says it all.")
     return parse_viewpoint(stream.viewpoint)
+
+
+def camera_of(stream: Stream) -> DepthCamera | None:
+    """The camera that takes a stream's depth images; None where they are clouds.
+
+    Raises:
+        InvalidParameter: it is none.
+    """
+    return parse_camera(stream.intrinsics, stream.depth_scale)
 
 
 def key_of(stream: Stream) -> zenoh.KeyExpr:

@@ -9,9 +9,11 @@ from typing import Any
 
 import zenoh
 
+from service.access import others_reach
 from service.engine.errors import InvalidParameter
 from service.settings import Settings
 
+LISTEN = "listen/endpoints"
 TLS = "transport/link/tls/"
 USER = "transport/auth/usrpwd/"
 DROPPING = "transport/link/tx/queue/congestion_control/drop/wait_before_drop"
@@ -58,6 +60,26 @@ def mode_of(config: zenoh.Config) -> str:
     return json.loads(config.get_json("mode")) or "peer"
 
 
+def endpoints_of(config: zenoh.Config) -> list[str]:
+    """Where a node with this configuration listens."""
+    told = json.loads(config.get_json(LISTEN)) or []
+    return list(told.get(mode_of(config)) or []) if isinstance(told, dict) else list(told)
+
+
+def check_endpoints(config: zenoh.Config) -> None:
+    """Refuses to let everybody in from elsewhere.
+
+    Raises:
+        InvalidParameter: others can reach an endpoint that is listened on.
+    """
+    for endpoint in endpoints_of(config):
+        if others_reach(endpoint):
+            raise InvalidParameter(
+                f"zenoh would listen on {endpoint}, which others can reach, and nobody needs an access key: ask for "
+                "keys with SHAPE_CONCEPTS_ACCESS=keys, or let everybody in with SHAPE_CONCEPTS_ACCESS=open."
+            )
+
+
 def _from_file(path: Path | None) -> zenoh.Config:
     if path is None:
         return zenoh.Config()
@@ -69,6 +91,7 @@ def _from_file(path: Path | None) -> zenoh.Config:
 
 def _wanted(settings: Settings, config: zenoh.Config) -> Iterator[tuple[str, Any]]:
     """Paths in zenoh's configuration and their values."""
+    own_endpoints = config.get_json(LISTEN) != zenoh.Config().get_json(LISTEN)  # the file's
     if json.loads(config.get_json("scouting/multicast/enabled")) is None:
         yield "scouting/multicast/enabled", False
     # zenoh loses queries under a stalled receiver when they go through shared memory (eclipse-zenoh/zenoh#2628).
@@ -77,11 +100,11 @@ def _wanted(settings: Settings, config: zenoh.Config) -> Iterator[tuple[str, Any
         yield DROPPING, PATIENT
     if settings.zenoh_mode or json.loads(config.get_json("mode")) is None:
         # Two peers that do not listen cannot hear each other through a router; two clients can.
-        yield "mode", settings.zenoh_mode or ("peer" if settings.zenoh_listen else "client")
+        yield "mode", settings.zenoh_mode or ("peer" if settings.zenoh_listen or own_endpoints else "client")
     if settings.zenoh_connect:
         yield "connect/endpoints", settings.zenoh_connect
-    if settings.zenoh_listen or settings.zenoh_config is None:
-        yield "listen/endpoints", settings.zenoh_listen
+    if settings.zenoh_listen or not own_endpoints:  # by default, zenoh would let everybody in
+        yield LISTEN, settings.zenoh_listen
     if settings.zenoh_user is not None:
         if settings.zenoh_password is None:
             raise InvalidParameter("SHAPE_CONCEPTS_ZENOH_USER needs SHAPE_CONCEPTS_ZENOH_PASSWORD.")

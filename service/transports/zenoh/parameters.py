@@ -9,6 +9,7 @@ from service.application import parse_viewpoint
 from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.claims import quote
 from service.engine.errors import InvalidParameter
+from service.transports.detail import Detail, parse_detail
 
 
 class Parameters(BaseModel):
@@ -24,6 +25,7 @@ class Parameters(BaseModel):
     viewpoint: str | None = Field(None, max_length=300, description="pose of the sensor in the cloud's frame and unit")
     intrinsics: str | None = Field(None, max_length=200, description="of the camera of a depth image: fx,fy,cx,cy")
     depth_scale: float | None = Field(None, gt=0, description="metres that a depth of 1 stands for")
+    detail: str | None = Field(None, max_length=200, description="parts of the answer, separated by commas, as in REST")
     stimuli: bool = Field(False, description="whether the answer has the stimuli vector as well")
     explain: bool = Field(False, description="whether the answer says why it is what it is")
     segments: bool = Field(False, description="whether it says of each point to which segment it belongs")
@@ -38,6 +40,16 @@ class Parameters(BaseModel):
             InvalidParameter: it is none.
         """
         return None if self.viewpoint is None else parse_viewpoint(self.viewpoint)
+
+    @property
+    def parts(self) -> Detail:
+        """The parts of the answer that are asked for.
+
+        Raises:
+            InvalidParameter: there is no such part.
+        """
+        given = None if self.detail is None else [self.detail]
+        return parse_detail(given, stimuli=self.stimuli, segments=self.segments, explain=self.explain)
 
     @property
     def camera(self) -> DepthCamera | None:
@@ -69,4 +81,4 @@ def parse(selected: zenoh.Parameters) -> Parameters:
         return Parameters.model_validate(given)
     except ValidationError as error:
         said = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
-        raise InvalidParameter("; ".join(said) + ".") from None
+        raise InvalidParameter("; ".join(said) + ". Parameters are separated by semicolons, ?top=1;time=0.5.") from None

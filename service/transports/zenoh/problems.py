@@ -5,14 +5,10 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from service.engine.errors import Cancelled, ShapeConceptsError
+from service.engine.errors import Cancelled, ContentTooLarge, ShapeConceptsError
 from service.transports import errors
 
 log = logging.getLogger(__name__)
-
-
-class PayloadTooLarge(Exception):
-    """A payload is larger than the service takes."""
 
 
 def problem_of(error: BaseException, place: str, occurrence: str) -> dict[str, Any]:
@@ -26,8 +22,6 @@ def problem_of(error: BaseException, place: str, occurrence: str) -> dict[str, A
     Returns:
         The document that the other transports give, and `retry_after`, seconds, where trying again may help.
     """
-    if isinstance(error, PayloadTooLarge):
-        return errors.problem("content-too-large", "The body is too large", 413, str(error), occurrence)
     if not isinstance(error, ShapeConceptsError):
         log.error("%s %s: unexpected", occurrence, place, exc_info=error)
         detail = "The service failed unexpectedly; its log says more under the id of this occurrence."
@@ -38,17 +32,17 @@ def problem_of(error: BaseException, place: str, occurrence: str) -> dict[str, A
     elif isinstance(error, Cancelled):
         log.info("%s %s: %s", occurrence, place, error)
     document = errors.problem_of(error, occurrence)
-    return document | {"retry_after": errors.RETRY_AFTER} if status.retry else document
+    return document | {"retry_after": status.retry} if status.retry else document
 
 
 def check_size(count: int, limit: int) -> None:
     """Refuses a payload that is too large.
 
     Raises:
-        PayloadTooLarge: it is.
+        ContentTooLarge: it is.
     """
     if count > limit:
-        raise PayloadTooLarge(
+        raise ContentTooLarge(
             f"The payload of {count} bytes is larger than the {limit} that are taken. Send fewer points, or a binary "
             "format."
         )

@@ -9,14 +9,15 @@ import re
 import uuid
 from concurrent.futures import Future
 from contextlib import ExitStack
-from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
+from service.access import Caller
 from service.application import Application, CloudFile
 from service.engine.errors import InvalidParameter
 from service.transports.errors import MEDIA_TYPE
+from service.transports.zenoh.attachments import Attached, attached_to
 from service.transports.zenoh.encodings import format_of
 from service.transports.zenoh.parameters import parse
 from service.transports.zenoh.problems import check_size, problem_of
@@ -27,7 +28,6 @@ SERVICE = "shape-concepts/@v1"
 ASKED = re.compile(rf"{SERVICE}/(?:replicas/[^/]+/)?models/(?P<model>[^/*$]+)/respond")
 JSON = "application/json"
 LONGEST_NAME = 200  # characters
-LONGEST_KEY = 1024  # bytes
 
 
 class Queries:
@@ -66,7 +66,7 @@ class Queries:
         """Takes a query from zenoh, or refuses it at once."""
         held = ExitStack()
         try:
-            size = 0 if query.payload is None else len(query.payload)
+            size = _size_of(query)
             check_size(size, self._application.settings.max_body)
             held.enter_context(self._application.intake.opened())(size)
             held.enter_context(self._application.pool.admitted())
@@ -94,27 +94,44 @@ class Queries:
                 await asyncio.to_thread(_reply, query, answer)
 
     def _respond(self, query: zenoh.Query) -> str:
-        with self._application.access.entered(_access_key(query), "answer"):
-            return self._answered(query)
+        attached: Attached | InvalidParameter
+        try:
+            attached = attached_to(query)
+        except InvalidParameter as error:
+            attached = error
+        key = None if isinstance(attached, Exception) else attached.key
+        with self._application.access.entered(key, "answer") as caller:  # who is not let in is told nothing else
+            if isinstance(attached, Exception):
+                raise attached
+            check_size(_size_of(query), caller.max_body)
+            return self._answered(query, attached.mask, caller)
 
-    def _answered(self, query: zenoh.Query) -> str:
+    def _answered(self, query: zenoh.Query, mask: bytes | None, caller: Caller) -> str:
         asked = parse(query.parameters)
         model = _model_of(str(query.key_expr))
         data = b"" if query.payload is None else query.payload.to_bytes()
         format = asked.format or format_of(query.encoding)
-        cloud = CloudFile(data, format, unit=asked.unit, viewpoint=asked.pose, camera=asked.camera)
-        flags: dict[str, Any] = asked.model_dump(include={"time", "top", "stimuli", "explain", "segments"})
+        cloud = CloudFile(data, format, unit=asked.unit, viewpoint=asked.pose, camera=asked.camera, mask=mask)
+        parts = asked.parts
         respond = self._application.respond_scene if asked.scene else self._application.respond
-        answer = respond(cloud, model=model, version=asked.version, alias=asked.alias, **flags)
-        return answer.model_dump_json()
+        answer = respond(
+            cloud,
+            model=model,
+            version=asked.version,
+            alias=asked.alias,
+            time=asked.time,
+            top=asked.top,
+            stimuli=parts.stimuli,
+            explain=parts.explanation,
+            segments=parts.segments,
+            max_points=caller.max_points,
+        )
+        return answer.model_dump_json(exclude=parts.exclude(scene=asked.scene))
 
 
-def _access_key(query: zenoh.Query) -> str | None:
-    """The access key that a query bears as its attachment."""
-    attachment = query.attachment
-    if attachment is None or len(attachment) > LONGEST_KEY:
-        return None
-    return attachment.to_bytes().decode(errors="replace").strip()
+def _size_of(query: zenoh.Query) -> int:
+    """Bytes of a query's cloud and of what comes beside it."""
+    return sum(len(part) for part in (query.payload, query.attachment) if part is not None)
 
 
 def _model_of(key: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -12,8 +11,8 @@ import zenoh
 
 from service.application import Application
 from service.engine.errors import InvalidParameter
-from service.transports.zenoh.answering import Answering, key_of, pose_of
-from service.transports.zenoh.config import configuration, is_wanted, mode_of
+from service.transports.zenoh.answering import Answering, camera_of, key_of, pose_of
+from service.transports.zenoh.config import check_endpoints, configuration, endpoints_of, is_wanted, mode_of
 from service.transports.zenoh.queries import Queries
 from service.transports.zenoh.replicas import REPLICAS
 
@@ -36,8 +35,10 @@ async def serving(application: Application) -> AsyncIterator[None]:
         yield
         return
     config = configuration(application.settings)
+    if application.access.open and application.settings.access != "open":
+        check_endpoints(config)
     for stream in application.settings.streams:
-        key_of(stream), pose_of(stream)
+        key_of(stream), pose_of(stream), camera_of(stream)
     if mode_of(config) == "client":
         background = asyncio.create_task(_as_client(application, config))
         try:
@@ -47,7 +48,7 @@ async def serving(application: Application) -> AsyncIterator[None]:
             with suppress(asyncio.CancelledError):
                 await background
         return
-    if mode_of(config) == "peer" and not json.loads(config.get_json("listen/endpoints")):
+    if mode_of(config) == "peer" and not endpoints_of(config):
         log.warning("a peer that does not listen may not hear other peers: set SHAPE_CONCEPTS_ZENOH_LISTEN")
     try:
         session = await asyncio.to_thread(zenoh.open, config)

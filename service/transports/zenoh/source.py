@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import zenoh
 
+from service.transports.zenoh.attachments import is_ours
+
 LARGEST_ATTACHMENT = 1024  # bytes; larger ones are not carried over
 _PLAIN = re.compile(rb"(.{8})(.{8})\x10.{16}", re.DOTALL)
 _LABELLED = re.compile(rb"\x0fsequence_number(.{8})\x10source_timestamp(.{8})\x0asource_gid\x10.{16}", re.DOTALL)
@@ -58,9 +60,12 @@ def source_of(sample: zenoh.Sample, attachment: bytes | None) -> Source:
 
 
 def attachment_of(sample: zenoh.Sample) -> bytes | None:
-    """The attachment that an answer carries over; None if there is none, or a large one."""
+    """The attachment that an answer carries over; None if there is none, a large one, or a mask."""
     attachment = sample.attachment
-    return attachment.to_bytes() if attachment is not None and len(attachment) <= LARGEST_ATTACHMENT else None
+    if attachment is None or len(attachment) > LARGEST_ATTACHMENT:
+        return None
+    data = attachment.to_bytes()
+    return None if is_ours(data) else data
 
 
 def ros_attachment(attachment: bytes | None) -> tuple[int, int] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from service.settings import Settings
 from tests.conftest import ROOT
 from tests.service.transports.zenoh.conftest import running
 from tests.service.transports.zenoh.router import free_endpoint
+from tests.service.transports.zenoh.test_queries import dented_ball
 
 
 @pytest.fixture
@@ -41,6 +43,17 @@ def test_it_asks_and_publishes(endpoint: str, clouds: list[PointCloud], tmp_path
     assert (asked.returncode, "1. concept" in asked.stdout) == (0, True), asked.stderr
     published = run(endpoint, "publish", str(file), "--count", "3")
     assert (published.returncode, "cloud 2" in published.stdout) == (0, True), published.stderr
+
+
+def test_it_asks_about_a_depth_image_within_its_mask(endpoint: str, tmp_path: Path) -> None:
+    image, mask, params = dented_ball()
+    (tmp_path / "depth.npy").write_bytes(image)
+    (tmp_path / "mask.npy").write_bytes(mask)
+    asking = ["ask", str(tmp_path / "depth.npy"), "--model", "tiny", "--intrinsics", params["intrinsics"]]
+    whole, masked = run(endpoint, *asking), run(endpoint, *asking, "--mask", str(tmp_path / "mask.npy"))
+    responses = [re.findall(r"response (\S+)", each.stdout) for each in (whole, masked)]
+    assert len(responses[0]) == len(responses[1]) == 3, (whole, masked)
+    assert responses[0] != responses[1]
 
 
 def test_it_says_why_there_is_no_answer(endpoint: str, tmp_path: Path) -> None:

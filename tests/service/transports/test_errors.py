@@ -7,11 +7,11 @@ from http import HTTPStatus
 import pytest
 
 from service.engine import errors as engine_errors
-from service.engine.errors import ShapeConceptsError, StoreUnavailable, TooFewPoints
+from service.engine.errors import RateExceeded, ShapeConceptsError, StoreUnavailable, TooFewPoints
 from service.transports.errors import INTERNAL, TABLE, problem_of, status_of
 
 GRPC = {"CANCELLED", "DATA_LOSS", "FAILED_PRECONDITION", "INTERNAL", "INVALID_ARGUMENT", "NOT_FOUND"}
-GRPC |= {"RESOURCE_EXHAUSTED", "UNAVAILABLE", "UNAUTHENTICATED", "PERMISSION_DENIED"}
+GRPC |= {"RESOURCE_EXHAUSTED", "UNAVAILABLE", "UNAUTHENTICATED", "PERMISSION_DENIED", "ALREADY_EXISTS", "ABORTED"}
 ERRORS = [
     error
     for error in vars(engine_errors).values()
@@ -50,6 +50,11 @@ def test_a_problem_document_names_the_error_and_the_occurrence() -> None:
 
 def test_an_error_without_a_message_is_explained_by_its_class() -> None:
     assert problem_of(TooFewPoints(), "x")["detail"] == TooFewPoints.__doc__
+
+
+def test_an_error_that_knows_when_to_try_again_says_so() -> None:
+    assert [status_of(RateExceeded("hasty", after)).retry for after in (0, 0.2, 1, 11.2)] == [1, 1, 1, 12]
+    assert status_of(TooFewPoints()).retry == 0
 
 
 def test_where_the_store_is_stays_with_the_operator() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from service.answer import Answer
 from service.application import Application, CloudFile
+from service.scene_answer import SceneAnswer
 from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.server import serving
@@ -31,6 +32,14 @@ class Held(Application):
         self.stopped = threading.Semaphore(0)  # how many were broken off
 
     def respond(self, cloud: Any, **given: Any) -> Answer:
+        self._hold(cloud, given)
+        return super().respond(cloud, **given)
+
+    def respond_scene(self, scene: Any, **given: Any) -> SceneAnswer:
+        self._hold(scene, given)
+        return super().respond_scene(scene, **given)
+
+    def _hold(self, cloud: Any, given: dict[str, Any]) -> None:
         if isinstance(cloud, CloudFile) and cloud.name == HELD:
             self.held.release()
             try:
@@ -39,7 +48,6 @@ class Held(Application):
             except Exception:
                 self.stopped.release()
                 raise
-        return super().respond(cloud, **given)
 
 
 class Server:

@@ -17,11 +17,13 @@ from pydantic import BaseModel
 from service import clouds as formats
 from service.answer import Answer
 from service.application import CloudFile, ModelSummary
-from service.engine.errors import InvalidParameter, Overloaded, ShapeConceptsError, UnreadableCloud
+from service.catalogue import ConceptList
+from service.engine.errors import InvalidParameter, Overloaded, RateExceeded, ShapeConceptsError, UnreadableCloud
 from service.model_file import Content, Manifest
+from service.scene_answer import SceneAnswer
 from service.transports import errors
 from service.transports.grpc import messages
-from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, model_pb2
+from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2, cloud_pb2, model_pb2, scene_pb2
 from service.transports.rest import examples
 
 
@@ -44,7 +46,9 @@ def check_same_fields(record: type[BaseModel], message: Descriptor) -> None:
 def test_messages_have_all_fields_of_what_they_tell() -> None:
     """A field that is added to an answer has to be added to the proto."""
     check_same_fields(Answer, answer_pb2.Answer.DESCRIPTOR)
+    check_same_fields(SceneAnswer, scene_pb2.SceneAnswer.DESCRIPTOR)
     check_same_fields(ModelSummary, model_pb2.ModelSummary.DESCRIPTOR)
+    check_same_fields(ConceptList, model_pb2.ConceptList.DESCRIPTOR)
     check_same_fields(Manifest, model_pb2.Manifest.DESCRIPTOR)
     check_same_fields(Content, model_pb2.Content.DESCRIPTOR)
 
@@ -73,8 +77,27 @@ def test_what_was_not_asked_for_is_unset() -> None:
     assert list(message.point_segments) == [-1, 2]
 
 
+def test_of_an_object_of_a_scene_there_is_the_answer_or_the_error() -> None:
+    answered = examples.SCENE_ANSWER["objects"][0]
+    refused = answered | {
+        "answer": None,
+        "error": {"type": "too-few-points", "detail": "12 points"},
+        "at_border": False,
+    }
+    scene = SceneAnswer(**examples.SCENE_ANSWER | {"objects": [answered, refused], "point_objects": [-1, 0, 1]})
+    message = messages.from_scene(scene)
+    first, second = message.objects
+    assert (first.WhichOneof("outcome"), second.WhichOneof("outcome")) == ("answer", "error")
+    assert (first.HasField("at_border"), second.HasField("at_border"), second.at_border) == (False, True, False)
+    assert (second.error.type, second.error.detail) == ("too-few-points", "12 points")
+    axes = first.box.axes
+    assert [list(axes.length), list(axes.width), list(axes.height)] == answered["box"]["axes"]
+    assert list(message.point_objects) == [-1, 0, 1]
+
+
 def test_a_manifest_is_told_whole() -> None:
-    manifest = Manifest(**{**examples.MANIFEST, "seed": 2**63 + 1})
+    made = {"parent": "default:1", "metrics": {"knn": 0.75}, "job": "nightly"}
+    manifest = Manifest(**{**examples.MANIFEST, "seed": 2**63 + 1, **made})
     message = messages.from_manifest(manifest)
     assert message.seed == 2**63 + 1
     assert message.created.ToDatetime(manifest.created.tzinfo) == manifest.created
@@ -148,7 +171,7 @@ def test_options_that_are_unset_are_not_zero() -> None:
             messages.to_options(wrong)
 
 
-@pytest.mark.parametrize("error", [Overloaded("busy"), UnreadableCloud("é" * 5000)])
+@pytest.mark.parametrize("error", [Overloaded("busy"), RateExceeded("hasty", 41.5), UnreadableCloud("é" * 5000)])
 def test_an_error_is_told_in_full_and_never_at_length(error: ShapeConceptsError) -> None:
     status, document = errors.status_of(error), errors.problem_of(error, "some-id")
     told = messages.to_status(document, status, "some-id")
@@ -162,4 +185,5 @@ def test_an_error_is_told_in_full_and_never_at_length(error: ShapeConceptsError)
     assert request.Is(details.RequestInfo.DESCRIPTOR)
     problem = messages.to_problem(document, status)
     assert (problem.code, problem.detail) == (told.code, told.message)
-    assert problem.HasField("retry_delay") == bool(retry) == status.retry
+    assert problem.HasField("retry_delay") == bool(retry) == bool(status.retry)
+    assert problem.retry_delay.seconds == status.retry

@@ -25,6 +25,7 @@ from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import Cloud, 
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import RespondRequest, RespondStreamRequest
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.guard import SERVICE
+from service.transports.grpc.jobs import SERVICE as JOBS
 from tests.service.transports.grpc.conftest import HELD, Held, Server
 
 SERVING, NOT_SERVING = HealthCheckResponse.SERVING, HealthCheckResponse.NOT_SERVING
@@ -84,7 +85,7 @@ def ask(channel: grpc.Channel, cloud: PointCloud, times: int = 1) -> list[grpc.F
 
 def test_a_client_that_has_no_protos_learns_them_by_reflection(channel: grpc.Channel, clouds: list[PointCloud]) -> None:
     database = ProtoReflectionDescriptorDatabase(channel)
-    services = {"grpc.health.v1.Health", "grpc.reflection.v1alpha.ServerReflection", SERVICE}
+    services = {"grpc.health.v1.Health", "grpc.reflection.v1alpha.ServerReflection", SERVICE, JOBS}
     assert set(database.get_services()) == services
     pool = DescriptorPool(database)
     for name in services:

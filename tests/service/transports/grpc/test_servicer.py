@@ -32,16 +32,21 @@ from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (
     Position,
     Viewpoint,
 )
+from service.transports.grpc.generated.shapeconcepts.v1.scene_pb2 import SceneAnswer
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import (
+    DESCRIPTOR,
     GetModelRequest,
+    ListConceptsRequest,
     ListModelsRequest,
     RespondBatchRequest,
     RespondRequest,
+    RespondSceneRequest,
     RespondStreamRequest,
 )
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
 from service.transports.grpc.guard import SERVICE
 from service.transports.grpc.servicer import AT_ONCE
+from tests.service.tabletop.seen import set_table
 from tests.service.transports.grpc.conftest import HELD, Held, Server
 
 Stub = ShapeConceptsServiceStub
@@ -86,6 +91,42 @@ def test_an_answer_is_that_of_rest_to_the_last_bit(
             response = stub.Respond(RespondRequest(cloud=sent, options=Options(**options)))
             assert told(response.answer) == expected
             assert "decode" in response.answer.timings_ms
+
+
+def told_of_scene(scene: SceneAnswer) -> dict[str, Any]:
+    """The answer to a scene as REST would write it, without its timings."""
+    written = MessageToDict(scene, preserving_proto_field_name=True, always_print_fields_with_no_presence=True)
+    for message, one in zip(scene.objects, written["objects"], strict=True):
+        one["box"]["axes"] = list(one["box"]["axes"].values())
+        one["answer"] = told(message.answer) if message.HasField("answer") else None
+        for field in ("error", "at_border"):
+            one.setdefault(field, None)
+    if not written["point_objects"]:
+        del written["point_objects"]
+    assert "tabletop" in written.pop("timings_ms")
+    return written
+
+
+@pytest.mark.parametrize("options", [{}, {"top": 2, "time": 0.5}, {"segments": True, "stimuli": True}])
+def test_a_scene_is_answered_as_over_rest_to_the_last_bit(
+    stub: Stub, client: httpx.Client, options: dict[str, Any]
+) -> None:
+    cloud = set_table("kinect").cloud
+    response = client.post("/v1/responses", content=write_ply(cloud), params={"scene": True} | options)
+    expected = response.json()
+    for part in (expected, *(one["answer"] for one in expected["objects"])):
+        del part["timings_ms"]
+    assert len(expected["objects"]) == 3
+    for sent in (as_file(cloud), as_points(cloud)):
+        asked = Options(**options)
+        assert told_of_scene(stub.RespondScene(RespondSceneRequest(cloud=sent, options=asked)).answer) == expected
+    requests = [
+        RespondStreamRequest(sequence=1, cloud=as_file(cloud), options=asked, scene=True),
+        RespondStreamRequest(sequence=2, cloud=as_file(cloud), options=asked),
+    ]
+    whole, alone = stub.RespondStream(iter(requests))
+    assert told_of_scene(whole.scene_answer) == expected
+    assert alone.HasField("answer")
 
 
 def test_a_unit_and_a_viewpoint_mean_what_they_mean_over_rest(
@@ -217,6 +258,59 @@ def test_models_are_listed_and_told(stub: Stub, client: httpx.Client) -> None:
         assert MessageToDict(manifest.params) == expected["params"]
 
 
+@pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"time": 0}, {"model": "tiny:1"}, {"alias": "production"}])
+def test_concepts_are_those_of_rest_with_their_names(
+    stub: Stub, client: httpx.Client, application: Application, asked: dict[str, Any]
+) -> None:
+    first = client.get("/v1/models/tiny:1/concepts").json()["concepts"][0]["id"]
+    application.naming.rename("tiny", 1, first, "mug")
+    expected = client.get("/v1/models/tiny:1/concepts", params={k: v for k, v in asked.items() if k == "time"}).json()
+    told = MessageToDict(
+        stub.ListConcepts(ListConceptsRequest(**asked)).list,
+        preserving_proto_field_name=True,
+        always_print_fields_with_no_presence=True,
+    )
+    for concept in told["concepts"]:
+        concept.setdefault("name", None)
+    assert told == expected
+    assert "time" in asked or expected["concepts"][0]["name"] == "mug"
+
+
+def test_an_answer_can_be_read_by_what_is_told_of_the_concepts(stub: Stub, clouds: list[PointCloud]) -> None:
+    for time_ in (None, 0.5):
+        answer = stub.Respond(RespondRequest(cloud=as_file(clouds[0]), options=Options(time=time_))).answer
+        told = stub.ListConcepts(ListConceptsRequest(time=time_)).list
+        assert len(told.concepts) == len(answer.responses)
+        sizes = {concept.id: (concept.prototypes, concept.time) for concept in told.concepts}
+        responses = dict(zip((concept.id for concept in told.concepts), answer.responses, strict=True))
+        for concept in answer.concepts:
+            assert sizes[concept.id] == (concept.prototypes, concept.time)
+            assert responses[concept.id] == concept.response
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ({"model": "nobody"}, "NOT_FOUND"),
+        ({"version": 9}, "NOT_FOUND"),
+        ({"time": 1.5}, "INVALID_ARGUMENT"),
+        ({"time": float("nan")}, "INVALID_ARGUMENT"),
+        ({"model": "../x"}, "INVALID_ARGUMENT"),
+        ({"model": "x" * 1000}, "INVALID_ARGUMENT"),
+    ],
+)
+def test_concepts_of_what_is_not_there_are_refused(stub: Stub, asked: dict[str, Any], code: str) -> None:
+    error, _ = refused(lambda: stub.ListConcepts(ListConceptsRequest(**asked)))
+    assert error.code().name == code
+
+
+@pytest.mark.parametrize(("given", "taken"), [("robot-7.42", True), ("not one", False)])
+def test_the_id_of_a_request_is_taken_over_if_it_is_harmless(stub: Stub, given: str, taken: bool) -> None:
+    with pytest.raises(grpc.RpcError) as caught:
+        stub.GetModel(GetModelRequest(model="nobody"), metadata=[("x-request-id", given)])
+    assert (dict(caught.value.trailing_metadata())["x-request-id"] == given) == taken
+
+
 def refused(call: Callable[[], Any]) -> tuple[grpc.RpcError, details.ErrorInfo]:
     with pytest.raises(grpc.RpcError) as caught:
         call()
@@ -287,6 +381,10 @@ def test_what_cannot_be_answered_is_refused_with_its_own_problem(
     assert info.reason == kind.replace("-", "_").upper()
     (response,) = stub.RespondBatch(RespondBatchRequest(clouds=[cloud], options=asked))
     (streamed,) = stub.RespondStream(iter([RespondStreamRequest(cloud=cloud, options=asked)]))
+    (scene,) = stub.RespondStream(iter([RespondStreamRequest(cloud=cloud, options=asked, scene=True)]))
+    error_of_scene, info_of_scene = refused(lambda: stub.RespondScene(RespondSceneRequest(cloud=cloud, options=asked)))
+    assert (error_of_scene.code(), info_of_scene.metadata["type"]) == (error.code(), scene.problem.type)
+    assert scene.problem.detail == error_of_scene.details()
     assert response.problem.type == streamed.problem.type == info.metadata["type"]
     assert response.problem.detail == error.details()
 
@@ -301,7 +399,7 @@ def test_an_unknown_model_is_not_told_of(stub: Stub) -> None:
     assert error.code() == grpc.StatusCode.NOT_FOUND
 
 
-METHODS = ("Respond", "RespondBatch", "RespondStream", "ListModels", "GetModel")
+METHODS = tuple(DESCRIPTOR.services_by_name["ShapeConceptsService"].methods_by_name)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -382,6 +480,7 @@ def test_a_service_at_its_limit_refuses_at_once_and_says_when_to_try_again(
     began = time.monotonic()
     for call in (
         lambda: held_stub.Respond(one),
+        lambda: held_stub.RespondScene(RespondSceneRequest(cloud=one.cloud)),
         lambda: list(held_stub.RespondBatch(RespondBatchRequest(clouds=[XYZ]))),
     ):
         error, info = refused(call)
@@ -446,6 +545,20 @@ def test_a_call_that_is_cancelled_ends_the_work(held_stub: Stub, held: Held, clo
     assert answered_soon(held_stub, clouds[0])
     for _ in calls:
         assert held.stopped.acquire(timeout=5)
+
+
+def test_the_work_on_a_scene_ends_when_nobody_waits_for_it(
+    held_stub: Stub, held: Held, clouds: list[PointCloud]
+) -> None:
+    request = RespondSceneRequest(cloud=as_file(set_table().cloud, HELD))
+    cancelled, late = held_stub.RespondScene.future(request), held_stub.RespondScene.future(request, timeout=1)
+    for _ in range(2):
+        assert held.held.acquire(timeout=20)
+    cancelled.cancel()
+    assert late.exception().code() == grpc.StatusCode.DEADLINE_EXCEEDED
+    for _ in range(2):
+        assert held.stopped.acquire(timeout=5)
+    assert answered_soon(held_stub, clouds[0])
 
 
 @pytest.mark.parametrize("kind", ["batch", "stream"])

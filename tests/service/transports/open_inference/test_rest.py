@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -375,4 +376,30 @@ def test_without_a_key_nothing_but_health_is_told(settings: Settings, cloud: np.
             for key, status in ((wrong, 403), (right, 200)):
                 headers = {"Authorization": f"Bearer {key}"}
                 assert client.request(method, path, json=request_of(cloud), headers=headers).status_code == status
+    application.close()
+
+
+def test_the_limits_of_a_key_hold(settings: Settings, cloud: np.ndarray) -> None:
+    application = Application(settings.model_copy(update={"access": "keys"}))
+    keys = KeyStore(settings.store)
+    large = json.dumps(request_of(cloud[:501])).encode()
+    few, short = keys.create("a", ("answer",), max_points=500), keys.create("b", ("answer",), max_body=len(large) - 1)
+    with answering(application) as client:
+
+        def ask(content: bytes, key: str) -> httpx.Response:
+            return client.post(INFER, content=content, headers={"Authorization": f"Bearer {key}"})
+
+        for key, limit in ((few.text, "500"), (short.text, str(len(large) - 1))):
+            refused = ask(large, key)
+            assert (refused.status_code, list(refused.json())) == (413, ["error"])
+            assert limit in refused.json()["error"]
+        assert ask(json.dumps(request_of(cloud[:500])).encode(), few.text).status_code == 200
+    application.close()
+
+
+def test_the_built_in_model_says_its_version_as_any_other(settings: Settings, tmp_path: Path) -> None:
+    application = Application(settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": True}))
+    with answering(application) as client:
+        assert client.get("/v2/models/default").json()["versions"] == ["1"]
+        assert client.get("/v2/models/default/versions/1").json()["versions"] == ["1"]
     application.close()

@@ -262,3 +262,22 @@ def test_without_a_key_nothing_but_health_is_told(settings: Settings, cloud: np.
             assert refused.code() is grpc.StatusCode.PERMISSION_DENIED
             assert call(request, metadata=[("authorization", f"Bearer {right}")])
     application.close()
+
+
+def test_the_limits_of_a_key_hold(settings: Settings, cloud: np.ndarray) -> None:
+    application = Application(settings.model_copy(update={"access": "keys"}))
+    keys = KeyStore(settings.store)
+    large = request_of(cloud[:501])
+    few = keys.create("a", ("answer",), max_points=500).text
+    short = keys.create("b", ("answer",), max_body=large.ByteSize() - 1).text
+    with answering(application) as address, grpc.insecure_channel(address) as channel:
+        stub = GRPCInferenceServiceStub(channel)
+        for key, code, limit in (
+            (few, grpc.StatusCode.INVALID_ARGUMENT, "500"),
+            (short, grpc.StatusCode.RESOURCE_EXHAUSTED, str(large.ByteSize() - 1)),
+        ):
+            refused = refusal_of(stub.ModelInfer, large, metadata=[("authorization", f"Bearer {key}")])
+            assert refused.code() is code
+            assert limit in refused.details()
+        assert stub.ModelInfer(request_of(cloud[:500]), metadata=[("authorization", f"Bearer {few}")]).model_name
+    application.close()

@@ -11,9 +11,12 @@ from PIL import Image
 
 from service.application import Application
 from service.clouds import write_ply
+from service.comparing import VersionComparison
 from service.engine.cloud import PointCloud
 from service.engine.model import ShapeModel
 from service.model_file import Manifest
+from tests.learnt import learnt
+from tests.service.versions import grown
 
 
 def test_models_are_listed_with_versions_and_aliases(
@@ -179,6 +182,46 @@ class TestAliases:
     def test_what_is_not_there_is_a_problem(self, client: httpx.Client, method: str, path: str, status: int) -> None:
         refused = client.request(method, path)
         assert (refused.status_code, refused.json()["status"]) == (status, status), refused.text
+
+
+class TestComparison:
+    def test_it_is_that_of_the_use_case_until_a_name_changes(
+        self, client: httpx.Client, application: Application
+    ) -> None:
+        application.store.publish(grown(), name="tiny", seed=7, source={}, alias="staging")
+        path, query = "/v1/models/tiny/versions/1/compare", {"with": "tiny@staging"}
+        told = client.get(path, params=query)
+        expected = application.compare(("tiny", 1), ("tiny", 2))
+        assert VersionComparison.model_validate_json(told.content) == expected
+        assert (expected.asked, expected.new.version) == (8 + 24, 2)
+        kept = {"if-none-match": told.headers["etag"]}
+        assert client.get(path, params=query, headers=kept).status_code == 304
+        client.put(f"/v1/models/tiny:1/concepts/{expected.old_concepts[0].id}/name", json={"name": "mug"})
+        again = client.get(path, params=query, headers=kept)
+        assert (again.status_code, again.json()["old_concepts"][0]["name"]) == (200, "mug")
+
+    @pytest.mark.parametrize(
+        ("path", "status"),
+        [
+            ("/v1/models/tiny/versions/1/compare", 422),
+            ("/v1/models/tiny/versions/1/compare?with=2", 404),
+            ("/v1/models/tiny/versions/1/compare?with=Tiny:1", 422),
+            ("/v1/models/tiny/versions/1/compare?with=tiny:2", 404),
+            ("/v1/models/tiny/versions/2/compare?with=tiny", 404),
+            ("/v1/models/tiny/versions/1/compare?with=tiny&without=tiny", 422),
+        ],
+    )
+    def test_what_cannot_be_compared_is_a_problem(self, client: httpx.Client, path: str, status: int) -> None:
+        refused = client.get(path)
+        assert (refused.status_code, refused.json()["status"]) == (status, status), refused.text
+
+    def test_models_that_have_nothing_in_common_are_a_problem(
+        self, client: httpx.Client, application: Application
+    ) -> None:
+        application.store.publish(learnt("paper"), name="paper", seed=7, source={})
+        refused = client.get("/v1/models/tiny/versions/1/compare?with=paper")
+        assert (refused.status_code, refused.json()["type"]) == (422, "urn:shape-concepts:error:invalid-parameter")
+        assert "no cloud in common" in refused.json()["detail"]
 
 
 TAGGED = ("", "/versions/1", "/concepts", "/concepts?time=1", "/barcode", "/annexations", "/tree", "/aliases", "/names")

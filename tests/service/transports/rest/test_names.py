@@ -38,7 +38,9 @@ def test_a_name_is_in_answers_and_listings_until_it_is_taken_away(
     assert told(client, clouds[0])[concept] == "Teetasse"
     listed = client.get("/v1/models/tiny/concepts").json()["concepts"]
     assert {entry["id"]: entry["name"] for entry in listed if entry["name"]} == {concept: "Teetasse"}
-    assert client.get("/v1/models/tiny/names").json()["names"] == [{"concept": concept, "name": "Teetasse"}]
+    assert client.get("/v1/models/tiny/names").json()["names"] == [
+        {"concept": concept, "name": "Teetasse", "carried_from": None}
+    ]
     for _ in range(2):
         assert client.delete(path).json()["name"] is None
     assert told(client, clouds[0])[concept] is None
@@ -52,6 +54,41 @@ def test_every_concept_of_every_time_can_be_named_and_nothing_else(client: httpx
         named = client.put(f"/v1/models/tiny/concepts/{node}/name", json={"name": f"thing {node}"})
         assert named.status_code == (200 if node in nodes else 404)
     assert {entry["concept"] for entry in client.get("/v1/models/tiny/names").json()["names"]} == nodes
+
+
+def test_names_are_carried_over_to_concepts_that_nobody_named(
+    client: httpx.Client, application: Application, model: ShapeModel, concept: int
+) -> None:
+    application.store.publish(model, name="tiny", seed=7, source={}, alias=None)
+    other = int(model.spectrum().ids[1])
+    for version, id, name in ((1, concept, "mug"), (1, other, "bowl"), (2, other, "dish")):
+        client.put(f"/v1/models/tiny:{version}/concepts/{id}/name", json={"name": name})
+    for _ in range(2):
+        carried = client.post("/v1/models/tiny:2/names/carry", params={"from": "tiny:1"})
+        assert carried.json() == {
+            "model": "tiny",
+            "version": 2,
+            "carried_from": "tiny:1",
+            "names": [{"concept": concept, "name": "mug", "before": concept, "jaccard": 1}],
+        }
+    listed = {entry["concept"]: entry for entry in client.get("/v1/models/tiny:2/names").json()["names"]}
+    assert listed == {
+        concept: {"concept": concept, "name": "mug", "carried_from": "tiny:1"},
+        other: {"concept": other, "name": "dish", "carried_from": None},
+    }
+    history = client.get(f"/v1/models/tiny:2/concepts/{concept}/name").json()["history"]
+    assert [(entry["name"], entry["carried_from"]) for entry in history] == [("mug", "tiny:1")]
+
+
+@pytest.mark.parametrize(
+    ("target", "query", "status"),
+    [("tiny", "?from=tiny:1", 422), ("tiny", "", 422), ("tiny", "?from=Tiny", 422), ("tiny", "?from=tiny:9", 404)],
+)
+def test_names_that_cannot_be_carried_over_are_a_problem(
+    client: httpx.Client, target: str, query: str, status: int
+) -> None:
+    refused = client.post(f"/v1/models/{target}/names/carry{query}")
+    assert (refused.status_code, refused.json()["status"]) == (status, status), refused.text
 
 
 def test_names_belong_to_one_version(
@@ -140,7 +177,7 @@ class TestProposals:
         (entry,) = given["proposals"]
         assert (entry["name"], entry["share"], entry["labels"]) == ("mug", 2 / 3, {"mug": 2, "can": 1})
         named = client.get("/v1/models/tiny/names").json()["names"]
-        assert named == [{"concept": entry["concept"], "name": "mug"}]
+        assert named == [{"concept": entry["concept"], "name": "mug", "carried_from": None}]
 
     def test_a_cloud_that_cannot_be_answered_has_no_say(self, client: httpx.Client, clouds: list[PointCloud]) -> None:
         proposed = self.ask(client, [b"ply\n", write_ply(clouds[0])], ["bowl", "mug"]).json()

@@ -13,21 +13,23 @@ from typing import Any, NamedTuple
 
 import pytest
 import zenoh
+from zenoh.ext import z_serialize
 from zenoh.handlers import Callback
 
-from service.application import Application
-from service.clouds import SceneCloud, write_ply
+from service.application import Application, CloudFile
+from service.clouds import SceneCloud, parse_camera, write_ply
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter
 from service.settings import Settings
 from service.streams import Stream
-from service.transports.zenoh.answering import key_of, pose_of
+from service.transports.zenoh.answering import camera_of, key_of, pose_of
 from service.transports.zenoh.source import ros_header
 from tests.service.clouds.written import pointcloud2
 from tests.service.tabletop.seen import set_table
 from tests.service.transports.rest.test_responses import REFUSED, as_xyz
 from tests.service.transports.zenoh.conftest import Served, put, replicas, running
 from tests.service.transports.zenoh.router import free_endpoint, routing, session
+from tests.service.transports.zenoh.test_queries import dented_ball
 from tests.service.transports.zenoh.waiting import until
 
 GID = bytes(range(16))
@@ -96,6 +98,33 @@ def test_the_objects_of_a_stream_of_scenes_are_answered(served: Served, robot: z
     found = heard[0].document["objects"]
     assert [each["position_m"] for each in found] == [list(each.position_m) for each in expected.objects]
     assert all(each["answer"]["concepts"] for each in found)
+
+
+def test_depth_images_are_answered_each_within_its_mask(
+    served: Served, robot: zenoh.Session, clouds: list[PointCloud]
+) -> None:
+    image, mask, params = dented_ball()
+    application = started(served, **params)
+    cut = z_serialize({"mask": mask}).to_bytes()
+    small = z_serialize({"mask": b"P"}).to_bytes()  # would be carried over by its size
+    sent = [(1, numbered(1)), (2, cut), (3, cut[:-9]), (4, small), (5, numbered(4))]
+    with hearing(robot, "robots/*/cloud/concepts") as heard:
+        for number, attachment in sent:
+            put(robot, f"robots/{number}/cloud", image, attachment=attachment)
+            until(lambda number=number: len(heard) == number, "an answer")
+    whole, masked = (
+        json.loads(application.respond(CloudFile(image, camera=parse_camera(**params), mask=one)).model_dump_json())
+        for one in (None, mask)
+    )
+    assert whole["responses"] != masked["responses"]
+    assert [each.document.get("responses") for each in heard] == [
+        whole["responses"], masked["responses"], None, None, whole["responses"]
+    ]  # fmt: skip
+    assert [each.document.get("type", "").rpartition(":")[2] for each in heard[2:4]] == [
+        "invalid-parameter",
+        "unreadable-cloud",
+    ]
+    assert [each.attachment for each in heard] == [numbered(1), None, None, None, numbered(4)]
 
 
 def test_a_plain_robot_gets_its_own_attachment_and_the_time_of_zenoh_back(
@@ -378,8 +407,9 @@ def test_frames_are_poses_of_the_sensor() -> None:
 @pytest.mark.parametrize(
     "stream",
     [{"key": "a//b"}, {"key": "a", "publish_to": "/{key}"}, {"key": "a", "viewpoint": "x"},
-     {"key": "a", "viewpoint": "1,2,3", "frame": "body"}],
+     {"key": "a", "viewpoint": "1,2,3", "frame": "body"}, {"key": "a", "intrinsics": "1,2,3"},
+     {"key": "a", "depth_scale": 0.001}],
 )  # fmt: skip
 def test_a_stream_that_cannot_be_is_refused_at_the_start(stream: dict[str, Any]) -> None:
     with pytest.raises(InvalidParameter):
-        key_of(Stream(**stream)), pose_of(Stream(**stream))
+        key_of(Stream(**stream)), pose_of(Stream(**stream)), camera_of(Stream(**stream))

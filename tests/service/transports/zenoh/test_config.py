@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import zenoh
 from service.application import Application
 from service.engine.errors import InvalidParameter
 from service.settings import Settings
-from service.transports.zenoh.config import configuration, is_wanted, mode_of
+from service.transports.zenoh.config import configuration, endpoints_of, is_wanted, mode_of
+from service.transports.zenoh.server import serving
 from tests.service.transports.zenoh.certificates import Authority
 from tests.service.transports.zenoh.conftest import replicas, running
 from tests.service.transports.zenoh.router import free_endpoint, routing, session
@@ -74,6 +76,41 @@ def test_the_settings_go_before_the_file_and_the_file_before_defaults(settings: 
     assert told(config, "transport/link/tx/lease") == 3000
     config = configuration(changed(settings, zenoh_config=file, zenoh_connect=HERE, zenoh_mode="client"))
     assert (mode_of(config), told(config, "connect/endpoints")) == ("client", [HERE])
+
+
+@pytest.mark.parametrize(
+    ("text", "listens"),
+    [
+        ("{}", []),
+        ('{mode: "peer"}', []),  # zenoh itself would open a port to everybody
+        ('{mode: "router"}', []),
+        ('{listen: {endpoints: ["tcp/127.0.0.1:7"]}}', ["tcp/127.0.0.1:7"]),
+        ('{mode: "router", listen: {endpoints: {router: ["tcp/0.0.0.0:7"]}}}', ["tcp/0.0.0.0:7"]),
+    ],
+)
+def test_a_file_listens_where_it_says_and_nowhere_else(
+    settings: Settings, tmp_path: Path, text: str, listens: list[str]
+) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text(text)
+    config = configuration(changed(settings, zenoh_config=file))
+    assert endpoints_of(config) == listens
+    if listens:
+        assert mode_of(config) != "client"
+
+
+def test_a_file_that_listens_for_others_is_refused_without_keys(settings: Settings, tmp_path: Path) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text('{mode: "router", listen: {endpoints: {router: ["tcp/0.0.0.0:0"]}}}')
+    application = Application(changed(settings, zenoh_config=file))
+
+    async def serve() -> None:
+        async with serving(application):
+            pass
+
+    with pytest.raises(InvalidParameter, match="SHAPE_CONCEPTS_ACCESS=keys"):
+        asyncio.run(serve())
+    application.close()
 
 
 @pytest.mark.parametrize(

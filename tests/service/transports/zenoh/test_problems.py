@@ -7,9 +7,9 @@ import re
 
 import pytest
 
-from service.engine.errors import Overloaded, StoreUnavailable, TooFewPoints
+from service.engine.errors import ContentTooLarge, Overloaded, StoreUnavailable, TooFewPoints
 from service.transports.errors import problem_of as of_the_table
-from service.transports.zenoh.problems import PayloadTooLarge, check_size, problem_of
+from service.transports.zenoh.problems import check_size, problem_of
 
 ID = "0f7f1c3a-6a35-4d9c-8d5e-0d9a1f2b3c4d"
 HERE = "robots/7/cloud"
@@ -42,7 +42,7 @@ def test_our_faults_are_logged_whole_and_told_plainly(caplog: pytest.LogCaptureF
 
 def test_a_payload_beyond_the_limit_is_told_its_size() -> None:
     check_size(10, 10)
-    with pytest.raises(PayloadTooLarge) as caught:
+    with pytest.raises(ContentTooLarge) as caught:
         check_size(11, 10)
     document = problem_of(caught.value, HERE, ID)
     assert (document["status"], "11 bytes" in document["detail"]) == (413, True)

@@ -12,6 +12,7 @@ import httpx
 import numpy as np
 import pytest
 import zenoh
+from zenoh.ext import z_serialize
 
 from service.application import Application
 from service.clouds import write_ply
@@ -51,6 +52,8 @@ def test_the_answer_over_zenoh_is_that_over_http(
         {},
         {"time": 0.8, "top": 2},
         {"explain": "true", "segments": "true", "stimuli": "true", "unit": "dm"},
+        {"detail": "concepts"},
+        {"detail": "stimuli,explanation", "top": 1},
     ):
         for cloud in clouds[:3]:
             expected = answer_of(client.post("/v1/responses", params=params, content=write_ply(cloud)))
@@ -93,6 +96,59 @@ def test_a_depth_image_is_answered_as_over_http(
     good, _, answer = ask(robot, selector, npy(depth))
     assert good, answer
     assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+
+
+def dented_ball() -> tuple[bytes, bytes, dict[str, Any]]:
+    """A depth image of a ball before a wall, a mask that cuts it out, and what is said of the camera."""
+    rows, columns = np.indices((120, 160))
+    within = np.hypot(rows - 60, columns - 80) < 50
+    depth = np.where(within, 600 + 100 * np.hypot(rows - 60, columns - 80) / 80, 900).astype(np.uint16)
+    return npy(depth), npy(within.astype(np.uint8)), {"intrinsics": "400,400,79.5,59.5"}
+
+
+def test_a_mask_comes_as_the_attachment_and_cuts_out_as_over_http(
+    served: Served, client: httpx.Client, robot: zenoh.Session
+) -> None:
+    image, mask, params = dented_ball()
+    files = {"cloud": ("depth.npy", image), "mask": ("mask.npy", mask)}
+    expected = answer_of(client.post("/v1/responses", params=params, files=files))
+    selector = f"tiny/respond?intrinsics={params['intrinsics']}"
+    served(max_body=2**20)
+    good, _, answer = ask(robot, selector, image, attachment=z_serialize({"mask": mask}))
+    assert good, answer
+    assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+    assert ask(robot, selector, image)[2]["extent_m"] > 1.1 * answer["extent_m"]
+    for attachment, kind in (
+        (z_serialize({"mask": mask}).to_bytes()[:-20], "invalid-parameter"),
+        (z_serialize({"mask": mask, "msak": mask}), "invalid-parameter"),
+        (mask, "invalid-parameter"),
+        (z_serialize({"mask": b"\x89PNG"}), "unreadable-cloud"),
+        (z_serialize({"mask": b""}), "unreadable-cloud"),
+        (z_serialize({"mask": npy(np.ones((120, 161), np.uint8))}), "unreadable-cloud"),
+        (z_serialize({"mask": npy(np.zeros((120, 160), np.uint8))}), "no-finite-points"),
+        (z_serialize({"mask": npy(np.ones((1000, 1100), np.uint8))}), "content-too-large"),
+    ):
+        good, _, problem = ask(robot, selector, image, attachment=attachment)
+        assert (good, problem["type"]) == (False, f"urn:shape-concepts:error:{kind}"), problem
+    good, _, problem = ask(robot, "tiny/respond", b"1 2 3\n", attachment=z_serialize({"mask": mask}))
+    assert (good, problem["type"]) == (False, "urn:shape-concepts:error:invalid-parameter")
+
+
+def test_a_mask_may_come_with_an_access_key(
+    served: Served, client: httpx.Client, robot: zenoh.Session, settings: Settings
+) -> None:
+    image, mask, params = dented_ball()
+    key = KeyStore(settings.store).create("a", ("answer",)).text.encode()
+    files = {"cloud": ("depth.npy", image), "mask": ("mask.npy", mask)}
+    expected = answer_of(client.post("/v1/responses", params=params, files=files))
+    served(access="keys")
+    selector = f"tiny/respond?intrinsics={params['intrinsics']}"
+    good, _, answer = ask(robot, selector, image, attachment=z_serialize({"mask": mask, "key": key}))
+    assert good, answer
+    assert {**answer, "timings_ms": 0} == {**expected, "timings_ms": 0}
+    for fields in ({"mask": mask}, {"mask": mask, "key": b"sc_wrong"}, {"mask": mask, "key": key, "x": b""}):
+        good, _, problem = ask(robot, selector, image, attachment=z_serialize(fields))
+        assert (good, problem["type"]) == (False, "urn:shape-concepts:error:not-authenticated")
 
 
 def test_queries_are_measured_by_their_outcomes(
@@ -250,6 +306,25 @@ def test_where_access_keys_are_needed_a_query_bears_one_as_its_attachment(
     ):
         good, _, problem = ask(robot, "tiny/respond", content, attachment=attachment)
         assert (good, problem["type"]) == (False, f"urn:shape-concepts:error:{kind}")
+
+
+def test_the_limits_of_a_key_hold(
+    served: Served, robot: zenoh.Session, settings: Settings, clouds: list[PointCloud]
+) -> None:
+    keys = KeyStore(settings.store)
+    fits, large = (write_ply(PointCloud(clouds[0].points[:points])) for points in (500, 501))
+    few = keys.create("a", ("answer",), max_points=500).text
+    short = keys.create("b", ("answer",), max_body=len(large) - 1).text
+    served(access="keys")
+    assert ask(robot, "tiny/respond", fits, attachment=few)[0]
+    for selector in ("tiny/respond", "tiny/respond?scene=true"):
+        for attachment, kind, limit in (
+            (few, "too-many-points", "500"),
+            (short, "content-too-large", str(len(large) - 1)),
+        ):
+            good, _, problem = ask(robot, selector, large, attachment=attachment)
+            assert (good, problem["status"], problem["type"].rpartition(":")[2]) == (False, 413, kind)
+            assert limit in problem["detail"]
 
 
 def test_a_replica_that_ends_leaves_no_session_and_no_thread(served: Served, robot: zenoh.Session) -> None:

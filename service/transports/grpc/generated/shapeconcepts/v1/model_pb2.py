@@ -26,7 +26,7 @@ from google.protobuf import struct_pb2 as google_dot_protobuf_dot_struct__pb2
 from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cshapeconcepts/v1/model.proto\x12\x10shapeconcepts.v1\x1a\x1cgoogle/protobuf/struct.proto\x1a\x1fgoogle/protobuf/timestamp.proto\"\xae\x01\n\x0cModelSummary\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08versions\x18\x02 \x03(\x05\x12<\n\x07\x61liases\x18\x03 \x03(\x0b\x32+.shapeconcepts.v1.ModelSummary.AliasesEntry\x12\x10\n\x08\x62uilt_in\x18\x04 \x01(\x08\x1a.\n\x0c\x41liasesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x05:\x02\x38\x01\"\xe2\x04\n\x08Manifest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0f\n\x07version\x18\x02 \x01(\x05\x12+\n\x07\x63reated\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x0e\n\x06\x66ormat\x18\x04 \x01(\t\x12\x16\n\x0e\x66ormat_version\x18\x05 \x01(\x05\x12\x0c\n\x04seed\x18\x06 \x01(\x04\x12\'\n\x06params\x18\x07 \x01(\x0b\x32\x17.google.protobuf.Struct\x12\'\n\x06source\x18\x08 \x01(\x0b\x32\x17.google.protobuf.Struct\x12\'\n\x06\x63ounts\x18\t \x01(\x0b\x32\x17.google.protobuf.Struct\x12\x14\n\x0cstimuli_fill\x18\n \x01(\x01\x12\x17\n\x0f\x66iltration_step\x18\x0b \x01(\x01\x12\x13\n\x0b\x65psilon_max\x18\x0c \x01(\x01\x12\r\n\x05notes\x18\r \x03(\t\x12:\n\x08\x63ontents\x18\x0e \x03(\x0b\x32(.shapeconcepts.v1.Manifest.ContentsEntry\x12<\n\tlibraries\x18\x0f \x03(\x0b\x32).shapeconcepts.v1.Manifest.LibrariesEntry\x12\x0e\n\x06\x64igest\x18\x10 \x01(\t\x1aJ\n\rContentsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12(\n\x05value\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Content:\x02\x38\x01\x1a\x30\n\x0eLibrariesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\'\n\x07\x43ontent\x12\x0e\n\x06sha256\x18\x01 \x01(\t\x12\x0c\n\x04size\x18\x02 \x01(\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cshapeconcepts/v1/model.proto\x12\x10shapeconcepts.v1\x1a\x1cgoogle/protobuf/struct.proto\x1a\x1fgoogle/protobuf/timestamp.proto\"\xae\x01\n\x0cModelSummary\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08versions\x18\x02 \x03(\x05\x12<\n\x07\x61liases\x18\x03 \x03(\x0b\x32+.shapeconcepts.v1.ModelSummary.AliasesEntry\x12\x10\n\x08\x62uilt_in\x18\x04 \x01(\x08\x1a.\n\x0c\x41liasesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x05:\x02\x38\x01\"\x86\x06\n\x08Manifest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0f\n\x07version\x18\x02 \x01(\x05\x12+\n\x07\x63reated\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x0e\n\x06\x66ormat\x18\x04 \x01(\t\x12\x16\n\x0e\x66ormat_version\x18\x05 \x01(\x05\x12\x0c\n\x04seed\x18\x06 \x01(\x04\x12\'\n\x06params\x18\x07 \x01(\x0b\x32\x17.google.protobuf.Struct\x12\'\n\x06source\x18\x08 \x01(\x0b\x32\x17.google.protobuf.Struct\x12\'\n\x06\x63ounts\x18\t \x01(\x0b\x32\x17.google.protobuf.Struct\x12\x14\n\x0cstimuli_fill\x18\n \x01(\x01\x12\x17\n\x0f\x66iltration_step\x18\x0b \x01(\x01\x12\x13\n\x0b\x65psilon_max\x18\x0c \x01(\x01\x12\r\n\x05notes\x18\r \x03(\t\x12:\n\x08\x63ontents\x18\x0e \x03(\x0b\x32(.shapeconcepts.v1.Manifest.ContentsEntry\x12<\n\tlibraries\x18\x0f \x03(\x0b\x32).shapeconcepts.v1.Manifest.LibrariesEntry\x12\x0e\n\x06\x64igest\x18\x10 \x01(\t\x12\x13\n\x06parent\x18\x11 \x01(\tH\x00\x88\x01\x01\x12\x38\n\x07metrics\x18\x12 \x03(\x0b\x32\'.shapeconcepts.v1.Manifest.MetricsEntry\x12\x10\n\x03job\x18\x13 \x01(\tH\x01\x88\x01\x01\x1aJ\n\rContentsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12(\n\x05value\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Content:\x02\x38\x01\x1a\x30\n\x0eLibrariesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x42\t\n\x07_parentB\x06\n\x04_job\"\'\n\x07\x43ontent\x12\x0e\n\x06sha256\x18\x01 \x01(\t\x12\x0c\n\x04size\x18\x02 \x01(\x03\"\xca\x01\n\x0b\x43onceptList\x12\r\n\x05model\x18\x01 \x01(\t\x12\x0f\n\x07version\x18\x02 \x01(\x05\x12\x13\n\x0b\x65psilon_max\x18\x03 \x01(\x01\x12\x0c\n\x04time\x18\x04 \x01(\x01\x12\x32\n\x08\x63oncepts\x18\x05 \x03(\x0b\x32 .shapeconcepts.v1.LearnedConcept\x12\x30\n\x07objects\x18\x06 \x03(\x0b\x32\x1f.shapeconcepts.v1.LearnedObject\x12\x12\n\nthumbnails\x18\x07 \x01(\t\"k\n\x0eLearnedConcept\x12\n\n\x02id\x18\x01 \x01(\x05\x12\x11\n\x04name\x18\x02 \x01(\tH\x00\x88\x01\x01\x12\x12\n\nprototypes\x18\x03 \x01(\x05\x12\x0c\n\x04time\x18\x04 \x01(\x01\x12\x0f\n\x07objects\x18\x05 \x03(\x05\x42\x07\n\x05_name\"G\n\rLearnedObject\x12\x0e\n\x06object\x18\x01 \x01(\x05\x12\x0b\n\x03key\x18\x02 \x01(\t\x12\x0c\n\x04hash\x18\x03 \x01(\t\x12\x0b\n\x03map\x18\x04 \x03(\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -39,16 +39,26 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_MANIFEST_CONTENTSENTRY']._serialized_options = b'8\001'
   _globals['_MANIFEST_LIBRARIESENTRY']._loaded_options = None
   _globals['_MANIFEST_LIBRARIESENTRY']._serialized_options = b'8\001'
+  _globals['_MANIFEST_METRICSENTRY']._loaded_options = None
+  _globals['_MANIFEST_METRICSENTRY']._serialized_options = b'8\001'
   _globals['_MODELSUMMARY']._serialized_start=114
   _globals['_MODELSUMMARY']._serialized_end=288
   _globals['_MODELSUMMARY_ALIASESENTRY']._serialized_start=242
   _globals['_MODELSUMMARY_ALIASESENTRY']._serialized_end=288
   _globals['_MANIFEST']._serialized_start=291
-  _globals['_MANIFEST']._serialized_end=901
-  _globals['_MANIFEST_CONTENTSENTRY']._serialized_start=777
-  _globals['_MANIFEST_CONTENTSENTRY']._serialized_end=851
-  _globals['_MANIFEST_LIBRARIESENTRY']._serialized_start=853
-  _globals['_MANIFEST_LIBRARIESENTRY']._serialized_end=901
-  _globals['_CONTENT']._serialized_start=903
-  _globals['_CONTENT']._serialized_end=942
+  _globals['_MANIFEST']._serialized_end=1065
+  _globals['_MANIFEST_CONTENTSENTRY']._serialized_start=874
+  _globals['_MANIFEST_CONTENTSENTRY']._serialized_end=948
+  _globals['_MANIFEST_LIBRARIESENTRY']._serialized_start=950
+  _globals['_MANIFEST_LIBRARIESENTRY']._serialized_end=998
+  _globals['_MANIFEST_METRICSENTRY']._serialized_start=1000
+  _globals['_MANIFEST_METRICSENTRY']._serialized_end=1046
+  _globals['_CONTENT']._serialized_start=1067
+  _globals['_CONTENT']._serialized_end=1106
+  _globals['_CONCEPTLIST']._serialized_start=1109
+  _globals['_CONCEPTLIST']._serialized_end=1311
+  _globals['_LEARNEDCONCEPT']._serialized_start=1313
+  _globals['_LEARNEDCONCEPT']._serialized_end=1420
+  _globals['_LEARNEDOBJECT']._serialized_start=1422
+  _globals['_LEARNEDOBJECT']._serialized_end=1493
 # @@protoc_insertion_point(module_scope)

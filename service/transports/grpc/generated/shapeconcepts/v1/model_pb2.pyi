@@ -30,7 +30,7 @@ class ModelSummary(_message.Message):
     def __init__(self, name: _Optional[str] = ..., versions: _Optional[_Iterable[int]] = ..., aliases: _Optional[_Mapping[str, int]] = ..., built_in: _Optional[bool] = ...) -> None: ...
 
 class Manifest(_message.Message):
-    __slots__ = ("name", "version", "created", "format", "format_version", "seed", "params", "source", "counts", "stimuli_fill", "filtration_step", "epsilon_max", "notes", "contents", "libraries", "digest")
+    __slots__ = ("name", "version", "created", "format", "format_version", "seed", "params", "source", "counts", "stimuli_fill", "filtration_step", "epsilon_max", "notes", "contents", "libraries", "digest", "parent", "metrics", "job")
     class ContentsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -45,6 +45,13 @@ class Manifest(_message.Message):
         key: str
         value: str
         def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    class MetricsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
     NAME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     CREATED_FIELD_NUMBER: _ClassVar[int]
@@ -61,6 +68,9 @@ class Manifest(_message.Message):
     CONTENTS_FIELD_NUMBER: _ClassVar[int]
     LIBRARIES_FIELD_NUMBER: _ClassVar[int]
     DIGEST_FIELD_NUMBER: _ClassVar[int]
+    PARENT_FIELD_NUMBER: _ClassVar[int]
+    METRICS_FIELD_NUMBER: _ClassVar[int]
+    JOB_FIELD_NUMBER: _ClassVar[int]
     name: str
     version: int
     created: _timestamp_pb2.Timestamp
@@ -77,7 +87,10 @@ class Manifest(_message.Message):
     contents: _containers.MessageMap[str, Content]
     libraries: _containers.ScalarMap[str, str]
     digest: str
-    def __init__(self, name: _Optional[str] = ..., version: _Optional[int] = ..., created: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., format: _Optional[str] = ..., format_version: _Optional[int] = ..., seed: _Optional[int] = ..., params: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., source: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., counts: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., stimuli_fill: _Optional[float] = ..., filtration_step: _Optional[float] = ..., epsilon_max: _Optional[float] = ..., notes: _Optional[_Iterable[str]] = ..., contents: _Optional[_Mapping[str, Content]] = ..., libraries: _Optional[_Mapping[str, str]] = ..., digest: _Optional[str] = ...) -> None: ...
+    parent: str
+    metrics: _containers.ScalarMap[str, float]
+    job: str
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[int] = ..., created: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., format: _Optional[str] = ..., format_version: _Optional[int] = ..., seed: _Optional[int] = ..., params: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., source: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., counts: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., stimuli_fill: _Optional[float] = ..., filtration_step: _Optional[float] = ..., epsilon_max: _Optional[float] = ..., notes: _Optional[_Iterable[str]] = ..., contents: _Optional[_Mapping[str, Content]] = ..., libraries: _Optional[_Mapping[str, str]] = ..., digest: _Optional[str] = ..., parent: _Optional[str] = ..., metrics: _Optional[_Mapping[str, float]] = ..., job: _Optional[str] = ...) -> None: ...
 
 class Content(_message.Message):
     __slots__ = ("sha256", "size")
@@ -86,3 +99,47 @@ class Content(_message.Message):
     sha256: str
     size: int
     def __init__(self, sha256: _Optional[str] = ..., size: _Optional[int] = ...) -> None: ...
+
+class ConceptList(_message.Message):
+    __slots__ = ("model", "version", "epsilon_max", "time", "concepts", "objects", "thumbnails")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    EPSILON_MAX_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    CONCEPTS_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    THUMBNAILS_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    version: int
+    epsilon_max: float
+    time: float
+    concepts: _containers.RepeatedCompositeFieldContainer[LearnedConcept]
+    objects: _containers.RepeatedCompositeFieldContainer[LearnedObject]
+    thumbnails: str
+    def __init__(self, model: _Optional[str] = ..., version: _Optional[int] = ..., epsilon_max: _Optional[float] = ..., time: _Optional[float] = ..., concepts: _Optional[_Iterable[_Union[LearnedConcept, _Mapping]]] = ..., objects: _Optional[_Iterable[_Union[LearnedObject, _Mapping]]] = ..., thumbnails: _Optional[str] = ...) -> None: ...
+
+class LearnedConcept(_message.Message):
+    __slots__ = ("id", "name", "prototypes", "time", "objects")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    PROTOTYPES_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    id: int
+    name: str
+    prototypes: int
+    time: float
+    objects: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., prototypes: _Optional[int] = ..., time: _Optional[float] = ..., objects: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class LearnedObject(_message.Message):
+    __slots__ = ("object", "key", "hash", "map")
+    OBJECT_FIELD_NUMBER: _ClassVar[int]
+    KEY_FIELD_NUMBER: _ClassVar[int]
+    HASH_FIELD_NUMBER: _ClassVar[int]
+    MAP_FIELD_NUMBER: _ClassVar[int]
+    object: int
+    key: str
+    hash: str
+    map: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, object: _Optional[int] = ..., key: _Optional[str] = ..., hash: _Optional[str] = ..., map: _Optional[_Iterable[float]] = ...) -> None: ...

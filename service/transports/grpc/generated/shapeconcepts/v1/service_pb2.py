@@ -26,37 +26,46 @@ from google.protobuf import duration_pb2 as google_dot_protobuf_dot_duration__pb
 from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2 as shapeconcepts_dot_v1_dot_answer__pb2
 from service.transports.grpc.generated.shapeconcepts.v1 import cloud_pb2 as shapeconcepts_dot_v1_dot_cloud__pb2
 from service.transports.grpc.generated.shapeconcepts.v1 import model_pb2 as shapeconcepts_dot_v1_dot_model__pb2
+from service.transports.grpc.generated.shapeconcepts.v1 import scene_pb2 as shapeconcepts_dot_v1_dot_scene__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1eshapeconcepts/v1/service.proto\x12\x10shapeconcepts.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1dshapeconcepts/v1/answer.proto\x1a\x1cshapeconcepts/v1/cloud.proto\x1a\x1cshapeconcepts/v1/model.proto\"d\n\x0eRespondRequest\x12&\n\x05\x63loud\x18\x01 \x01(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\";\n\x0fRespondResponse\x12(\n\x06\x61nswer\x18\x01 \x01(\x0b\x32\x18.shapeconcepts.v1.Answer\"j\n\x13RespondBatchRequest\x12\'\n\x06\x63louds\x18\x01 \x03(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\"\x8a\x01\n\x14RespondBatchResponse\x12\r\n\x05index\x18\x01 \x01(\x05\x12*\n\x06\x61nswer\x18\x02 \x01(\x0b\x32\x18.shapeconcepts.v1.AnswerH\x00\x12,\n\x07problem\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.ProblemH\x00\x42\t\n\x07outcome\"|\n\x14RespondStreamRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12&\n\x05\x63loud\x18\x02 \x01(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\"\x8e\x01\n\x15RespondStreamResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12*\n\x06\x61nswer\x18\x02 \x01(\x0b\x32\x18.shapeconcepts.v1.AnswerH\x00\x12,\n\x07problem\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.ProblemH\x00\x42\t\n\x07outcome\"\x96\x01\n\x07Problem\x12\x0c\n\x04type\x18\x01 \x01(\t\x12\r\n\x05title\x18\x02 \x01(\t\x12\x0e\n\x06status\x18\x03 \x01(\x05\x12\x0e\n\x06\x64\x65tail\x18\x04 \x01(\t\x12\x10\n\x08instance\x18\x05 \x01(\t\x12\x0c\n\x04\x63ode\x18\x06 \x01(\x05\x12.\n\x0bretry_delay\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x13\n\x11ListModelsRequest\"D\n\x12ListModelsResponse\x12.\n\x06models\x18\x01 \x03(\x0b\x32\x1e.shapeconcepts.v1.ModelSummary\"`\n\x0fGetModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x14\n\x07version\x18\x02 \x01(\rH\x00\x88\x01\x01\x12\x12\n\x05\x61lias\x18\x03 \x01(\tH\x01\x88\x01\x01\x42\n\n\x08_versionB\x08\n\x06_alias\"@\n\x10GetModelResponse\x12,\n\x08manifest\x18\x01 \x01(\x0b\x32\x1a.shapeconcepts.v1.Manifest2\xd9\x03\n\x14ShapeConceptsService\x12N\n\x07Respond\x12 .shapeconcepts.v1.RespondRequest\x1a!.shapeconcepts.v1.RespondResponse\x12_\n\x0cRespondBatch\x12%.shapeconcepts.v1.RespondBatchRequest\x1a&.shapeconcepts.v1.RespondBatchResponse0\x01\x12\x64\n\rRespondStream\x12&.shapeconcepts.v1.RespondStreamRequest\x1a\'.shapeconcepts.v1.RespondStreamResponse(\x01\x30\x01\x12W\n\nListModels\x12#.shapeconcepts.v1.ListModelsRequest\x1a$.shapeconcepts.v1.ListModelsResponse\x12Q\n\x08GetModel\x12!.shapeconcepts.v1.GetModelRequest\x1a\".shapeconcepts.v1.GetModelResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1eshapeconcepts/v1/service.proto\x12\x10shapeconcepts.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1dshapeconcepts/v1/answer.proto\x1a\x1cshapeconcepts/v1/cloud.proto\x1a\x1cshapeconcepts/v1/model.proto\x1a\x1cshapeconcepts/v1/scene.proto\"d\n\x0eRespondRequest\x12&\n\x05\x63loud\x18\x01 \x01(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\";\n\x0fRespondResponse\x12(\n\x06\x61nswer\x18\x01 \x01(\x0b\x32\x18.shapeconcepts.v1.Answer\"i\n\x13RespondSceneRequest\x12&\n\x05\x63loud\x18\x01 \x01(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\"E\n\x14RespondSceneResponse\x12-\n\x06\x61nswer\x18\x01 \x01(\x0b\x32\x1d.shapeconcepts.v1.SceneAnswer\"j\n\x13RespondBatchRequest\x12\'\n\x06\x63louds\x18\x01 \x03(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x02 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\"\x8a\x01\n\x14RespondBatchResponse\x12\r\n\x05index\x18\x01 \x01(\x05\x12*\n\x06\x61nswer\x18\x02 \x01(\x0b\x32\x18.shapeconcepts.v1.AnswerH\x00\x12,\n\x07problem\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.ProblemH\x00\x42\t\n\x07outcome\"\x8b\x01\n\x14RespondStreamRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12&\n\x05\x63loud\x18\x02 \x01(\x0b\x32\x17.shapeconcepts.v1.Cloud\x12*\n\x07options\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.Options\x12\r\n\x05scene\x18\x04 \x01(\x08\"\xc5\x01\n\x15RespondStreamResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12*\n\x06\x61nswer\x18\x02 \x01(\x0b\x32\x18.shapeconcepts.v1.AnswerH\x00\x12,\n\x07problem\x18\x03 \x01(\x0b\x32\x19.shapeconcepts.v1.ProblemH\x00\x12\x35\n\x0cscene_answer\x18\x04 \x01(\x0b\x32\x1d.shapeconcepts.v1.SceneAnswerH\x00\x42\t\n\x07outcome\"\x96\x01\n\x07Problem\x12\x0c\n\x04type\x18\x01 \x01(\t\x12\r\n\x05title\x18\x02 \x01(\t\x12\x0e\n\x06status\x18\x03 \x01(\x05\x12\x0e\n\x06\x64\x65tail\x18\x04 \x01(\t\x12\x10\n\x08instance\x18\x05 \x01(\t\x12\x0c\n\x04\x63ode\x18\x06 \x01(\x05\x12.\n\x0bretry_delay\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x13\n\x11ListModelsRequest\"D\n\x12ListModelsResponse\x12.\n\x06models\x18\x01 \x03(\x0b\x32\x1e.shapeconcepts.v1.ModelSummary\"`\n\x0fGetModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x14\n\x07version\x18\x02 \x01(\rH\x00\x88\x01\x01\x12\x12\n\x05\x61lias\x18\x03 \x01(\tH\x01\x88\x01\x01\x42\n\n\x08_versionB\x08\n\x06_alias\"@\n\x10GetModelResponse\x12,\n\x08manifest\x18\x01 \x01(\x0b\x32\x1a.shapeconcepts.v1.Manifest\"\x80\x01\n\x13ListConceptsRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x14\n\x07version\x18\x02 \x01(\rH\x00\x88\x01\x01\x12\x12\n\x05\x61lias\x18\x03 \x01(\tH\x01\x88\x01\x01\x12\x11\n\x04time\x18\x04 \x01(\x01H\x02\x88\x01\x01\x42\n\n\x08_versionB\x08\n\x06_aliasB\x07\n\x05_time\"C\n\x14ListConceptsResponse\x12+\n\x04list\x18\x01 \x01(\x0b\x32\x1d.shapeconcepts.v1.ConceptList2\x97\x05\n\x14ShapeConceptsService\x12N\n\x07Respond\x12 .shapeconcepts.v1.RespondRequest\x1a!.shapeconcepts.v1.RespondResponse\x12]\n\x0cRespondScene\x12%.shapeconcepts.v1.RespondSceneRequest\x1a&.shapeconcepts.v1.RespondSceneResponse\x12_\n\x0cRespondBatch\x12%.shapeconcepts.v1.RespondBatchRequest\x1a&.shapeconcepts.v1.RespondBatchResponse0\x01\x12\x64\n\rRespondStream\x12&.shapeconcepts.v1.RespondStreamRequest\x1a\'.shapeconcepts.v1.RespondStreamResponse(\x01\x30\x01\x12W\n\nListModels\x12#.shapeconcepts.v1.ListModelsRequest\x1a$.shapeconcepts.v1.ListModelsResponse\x12Q\n\x08GetModel\x12!.shapeconcepts.v1.GetModelRequest\x1a\".shapeconcepts.v1.GetModelResponse\x12]\n\x0cListConcepts\x12%.shapeconcepts.v1.ListConceptsRequest\x1a&.shapeconcepts.v1.ListConceptsResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'shapeconcepts.v1.service_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_RESPONDREQUEST']._serialized_start=175
-  _globals['_RESPONDREQUEST']._serialized_end=275
-  _globals['_RESPONDRESPONSE']._serialized_start=277
-  _globals['_RESPONDRESPONSE']._serialized_end=336
-  _globals['_RESPONDBATCHREQUEST']._serialized_start=338
-  _globals['_RESPONDBATCHREQUEST']._serialized_end=444
-  _globals['_RESPONDBATCHRESPONSE']._serialized_start=447
-  _globals['_RESPONDBATCHRESPONSE']._serialized_end=585
-  _globals['_RESPONDSTREAMREQUEST']._serialized_start=587
-  _globals['_RESPONDSTREAMREQUEST']._serialized_end=711
-  _globals['_RESPONDSTREAMRESPONSE']._serialized_start=714
-  _globals['_RESPONDSTREAMRESPONSE']._serialized_end=856
-  _globals['_PROBLEM']._serialized_start=859
-  _globals['_PROBLEM']._serialized_end=1009
-  _globals['_LISTMODELSREQUEST']._serialized_start=1011
-  _globals['_LISTMODELSREQUEST']._serialized_end=1030
-  _globals['_LISTMODELSRESPONSE']._serialized_start=1032
-  _globals['_LISTMODELSRESPONSE']._serialized_end=1100
-  _globals['_GETMODELREQUEST']._serialized_start=1102
-  _globals['_GETMODELREQUEST']._serialized_end=1198
-  _globals['_GETMODELRESPONSE']._serialized_start=1200
-  _globals['_GETMODELRESPONSE']._serialized_end=1264
-  _globals['_SHAPECONCEPTSSERVICE']._serialized_start=1267
-  _globals['_SHAPECONCEPTSSERVICE']._serialized_end=1740
+  _globals['_RESPONDREQUEST']._serialized_start=205
+  _globals['_RESPONDREQUEST']._serialized_end=305
+  _globals['_RESPONDRESPONSE']._serialized_start=307
+  _globals['_RESPONDRESPONSE']._serialized_end=366
+  _globals['_RESPONDSCENEREQUEST']._serialized_start=368
+  _globals['_RESPONDSCENEREQUEST']._serialized_end=473
+  _globals['_RESPONDSCENERESPONSE']._serialized_start=475
+  _globals['_RESPONDSCENERESPONSE']._serialized_end=544
+  _globals['_RESPONDBATCHREQUEST']._serialized_start=546
+  _globals['_RESPONDBATCHREQUEST']._serialized_end=652
+  _globals['_RESPONDBATCHRESPONSE']._serialized_start=655
+  _globals['_RESPONDBATCHRESPONSE']._serialized_end=793
+  _globals['_RESPONDSTREAMREQUEST']._serialized_start=796
+  _globals['_RESPONDSTREAMREQUEST']._serialized_end=935
+  _globals['_RESPONDSTREAMRESPONSE']._serialized_start=938
+  _globals['_RESPONDSTREAMRESPONSE']._serialized_end=1135
+  _globals['_PROBLEM']._serialized_start=1138
+  _globals['_PROBLEM']._serialized_end=1288
+  _globals['_LISTMODELSREQUEST']._serialized_start=1290
+  _globals['_LISTMODELSREQUEST']._serialized_end=1309
+  _globals['_LISTMODELSRESPONSE']._serialized_start=1311
+  _globals['_LISTMODELSRESPONSE']._serialized_end=1379
+  _globals['_GETMODELREQUEST']._serialized_start=1381
+  _globals['_GETMODELREQUEST']._serialized_end=1477
+  _globals['_GETMODELRESPONSE']._serialized_start=1479
+  _globals['_GETMODELRESPONSE']._serialized_end=1543
+  _globals['_LISTCONCEPTSREQUEST']._serialized_start=1546
+  _globals['_LISTCONCEPTSREQUEST']._serialized_end=1674
+  _globals['_LISTCONCEPTSRESPONSE']._serialized_start=1676
+  _globals['_LISTCONCEPTSRESPONSE']._serialized_end=1743
+  _globals['_SHAPECONCEPTSSERVICE']._serialized_start=1746
+  _globals['_SHAPECONCEPTSSERVICE']._serialized_end=2409
 # @@protoc_insertion_point(module_scope)

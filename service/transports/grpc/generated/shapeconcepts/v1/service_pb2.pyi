@@ -4,6 +4,7 @@ from google.protobuf import duration_pb2 as _duration_pb2
 from service.transports.grpc.generated.shapeconcepts.v1 import answer_pb2 as _answer_pb2
 from service.transports.grpc.generated.shapeconcepts.v1 import cloud_pb2 as _cloud_pb2
 from service.transports.grpc.generated.shapeconcepts.v1 import model_pb2 as _model_pb2
+from service.transports.grpc.generated.shapeconcepts.v1 import scene_pb2 as _scene_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -26,6 +27,20 @@ class RespondResponse(_message.Message):
     answer: _answer_pb2.Answer
     def __init__(self, answer: _Optional[_Union[_answer_pb2.Answer, _Mapping]] = ...) -> None: ...
 
+class RespondSceneRequest(_message.Message):
+    __slots__ = ("cloud", "options")
+    CLOUD_FIELD_NUMBER: _ClassVar[int]
+    OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    cloud: _cloud_pb2.Cloud
+    options: _answer_pb2.Options
+    def __init__(self, cloud: _Optional[_Union[_cloud_pb2.Cloud, _Mapping]] = ..., options: _Optional[_Union[_answer_pb2.Options, _Mapping]] = ...) -> None: ...
+
+class RespondSceneResponse(_message.Message):
+    __slots__ = ("answer",)
+    ANSWER_FIELD_NUMBER: _ClassVar[int]
+    answer: _scene_pb2.SceneAnswer
+    def __init__(self, answer: _Optional[_Union[_scene_pb2.SceneAnswer, _Mapping]] = ...) -> None: ...
+
 class RespondBatchRequest(_message.Message):
     __slots__ = ("clouds", "options")
     CLOUDS_FIELD_NUMBER: _ClassVar[int]
@@ -45,24 +60,28 @@ class RespondBatchResponse(_message.Message):
     def __init__(self, index: _Optional[int] = ..., answer: _Optional[_Union[_answer_pb2.Answer, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ...) -> None: ...
 
 class RespondStreamRequest(_message.Message):
-    __slots__ = ("sequence", "cloud", "options")
+    __slots__ = ("sequence", "cloud", "options", "scene")
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     CLOUD_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    SCENE_FIELD_NUMBER: _ClassVar[int]
     sequence: int
     cloud: _cloud_pb2.Cloud
     options: _answer_pb2.Options
-    def __init__(self, sequence: _Optional[int] = ..., cloud: _Optional[_Union[_cloud_pb2.Cloud, _Mapping]] = ..., options: _Optional[_Union[_answer_pb2.Options, _Mapping]] = ...) -> None: ...
+    scene: bool
+    def __init__(self, sequence: _Optional[int] = ..., cloud: _Optional[_Union[_cloud_pb2.Cloud, _Mapping]] = ..., options: _Optional[_Union[_answer_pb2.Options, _Mapping]] = ..., scene: _Optional[bool] = ...) -> None: ...
 
 class RespondStreamResponse(_message.Message):
-    __slots__ = ("sequence", "answer", "problem")
+    __slots__ = ("sequence", "answer", "problem", "scene_answer")
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     ANSWER_FIELD_NUMBER: _ClassVar[int]
     PROBLEM_FIELD_NUMBER: _ClassVar[int]
+    SCENE_ANSWER_FIELD_NUMBER: _ClassVar[int]
     sequence: int
     answer: _answer_pb2.Answer
     problem: Problem
-    def __init__(self, sequence: _Optional[int] = ..., answer: _Optional[_Union[_answer_pb2.Answer, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ...) -> None: ...
+    scene_answer: _scene_pb2.SceneAnswer
+    def __init__(self, sequence: _Optional[int] = ..., answer: _Optional[_Union[_answer_pb2.Answer, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ..., scene_answer: _Optional[_Union[_scene_pb2.SceneAnswer, _Mapping]] = ...) -> None: ...
 
 class Problem(_message.Message):
     __slots__ = ("type", "title", "status", "detail", "instance", "code", "retry_delay")
@@ -107,3 +126,21 @@ class GetModelResponse(_message.Message):
     MANIFEST_FIELD_NUMBER: _ClassVar[int]
     manifest: _model_pb2.Manifest
     def __init__(self, manifest: _Optional[_Union[_model_pb2.Manifest, _Mapping]] = ...) -> None: ...
+
+class ListConceptsRequest(_message.Message):
+    __slots__ = ("model", "version", "alias", "time")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    ALIAS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    version: int
+    alias: str
+    time: float
+    def __init__(self, model: _Optional[str] = ..., version: _Optional[int] = ..., alias: _Optional[str] = ..., time: _Optional[float] = ...) -> None: ...
+
+class ListConceptsResponse(_message.Message):
+    __slots__ = ("list",)
+    LIST_FIELD_NUMBER: _ClassVar[int]
+    list: _model_pb2.ConceptList
+    def __init__(self, list: _Optional[_Union[_model_pb2.ConceptList, _Mapping]] = ...) -> None: ...

@@ -45,6 +45,11 @@ class ShapeConceptsServiceStub:
                 request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.SerializeToString,
                 response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.FromString,
                 _registered_method=True)
+        self.RespondScene = channel.unary_unary(
+                '/shapeconcepts.v1.ShapeConceptsService/RespondScene',
+                request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.SerializeToString,
+                response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.FromString,
+                _registered_method=True)
         self.RespondBatch = channel.unary_stream(
                 '/shapeconcepts.v1.ShapeConceptsService/RespondBatch',
                 request_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondBatchRequest.SerializeToString,
@@ -65,6 +70,11 @@ class ShapeConceptsServiceStub:
                 request_serializer=shapeconcepts_dot_v1_dot_service__pb2.GetModelRequest.SerializeToString,
                 response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.GetModelResponse.FromString,
                 _registered_method=True)
+        self.ListConcepts = channel.unary_unary(
+                '/shapeconcepts.v1.ShapeConceptsService/ListConcepts',
+                request_serializer=shapeconcepts_dot_v1_dot_service__pb2.ListConceptsRequest.SerializeToString,
+                response_deserializer=shapeconcepts_dot_v1_dot_service__pb2.ListConceptsResponse.FromString,
+                _registered_method=True)
 
 
 class ShapeConceptsServiceServicer:
@@ -78,6 +88,13 @@ class ShapeConceptsServiceServicer:
 
     def Respond(self, request, context):
         """Answers one cloud.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def RespondScene(self, request, context):
+        """Answers each object of a whole scene: on a table, a floor or another plane.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -113,6 +130,13 @@ class ShapeConceptsServiceServicer:
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def ListConcepts(self, request, context):
+        """Lists the concepts of a model with their names and sizes: those that answers speak of, by their ids.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_ShapeConceptsServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -120,6 +144,11 @@ def add_ShapeConceptsServiceServicer_to_server(servicer, server):
                     servicer.Respond,
                     request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.FromString,
                     response_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.SerializeToString,
+            ),
+            'RespondScene': grpc.unary_unary_rpc_method_handler(
+                    servicer.RespondScene,
+                    request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.FromString,
+                    response_serializer=shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.SerializeToString,
             ),
             'RespondBatch': grpc.unary_stream_rpc_method_handler(
                     servicer.RespondBatch,
@@ -140,6 +169,11 @@ def add_ShapeConceptsServiceServicer_to_server(servicer, server):
                     servicer.GetModel,
                     request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.GetModelRequest.FromString,
                     response_serializer=shapeconcepts_dot_v1_dot_service__pb2.GetModelResponse.SerializeToString,
+            ),
+            'ListConcepts': grpc.unary_unary_rpc_method_handler(
+                    servicer.ListConcepts,
+                    request_deserializer=shapeconcepts_dot_v1_dot_service__pb2.ListConceptsRequest.FromString,
+                    response_serializer=shapeconcepts_dot_v1_dot_service__pb2.ListConceptsResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -175,6 +209,33 @@ class ShapeConceptsService:
             '/shapeconcepts.v1.ShapeConceptsService/Respond',
             shapeconcepts_dot_v1_dot_service__pb2.RespondRequest.SerializeToString,
             shapeconcepts_dot_v1_dot_service__pb2.RespondResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def RespondScene(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/shapeconcepts.v1.ShapeConceptsService/RespondScene',
+            shapeconcepts_dot_v1_dot_service__pb2.RespondSceneRequest.SerializeToString,
+            shapeconcepts_dot_v1_dot_service__pb2.RespondSceneResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -283,6 +344,33 @@ class ShapeConceptsService:
             '/shapeconcepts.v1.ShapeConceptsService/GetModel',
             shapeconcepts_dot_v1_dot_service__pb2.GetModelRequest.SerializeToString,
             shapeconcepts_dot_v1_dot_service__pb2.GetModelResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def ListConcepts(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/shapeconcepts.v1.ShapeConceptsService/ListConcepts',
+            shapeconcepts_dot_v1_dot_service__pb2.ListConceptsRequest.SerializeToString,
+            shapeconcepts_dot_v1_dot_service__pb2.ListConceptsResponse.FromString,
             options,
             channel_credentials,
             insecure,
