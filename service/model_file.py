@@ -127,7 +127,7 @@ def describe(
         metrics=metrics,
         job=job,
         contents={TENSORS: Content(sha256=sha256(data), size=len(data))},
-        libraries=_libraries(),
+        libraries=libraries(),
         digest="",
         **model.facts(),
     )
@@ -267,7 +267,7 @@ def _digest(facts: dict[str, Any]) -> str:
     return sha256(json.dumps(lasting, sort_keys=True, separators=(",", ":")).encode())
 
 
-def _libraries() -> dict[str, str]:
+def libraries() -> dict[str, str]:
     """Versions of what the numbers of a model depend on."""
     versions = {"shape-concepts": __version__, "python": platform.python_version()}
     for library in ("numpy", "scipy", "numba", "scikit-learn", "open3d", "open3d-cpu", "sapien"):

@@ -52,6 +52,11 @@ class Settings(BaseSettings):
         default_factory=default_jobs_url,
         description="database of the jobs: sqlite:///FILE or postgresql://USER:PASSWORD@HOST/DATABASE",
     )
+    cluster: str | None = Field(
+        None,
+        description="scheduler of the Dask cluster that does the work of training: tcp://HOST:8786; by default this "
+        "machine's cores do",
+    )
     worker_lease: float = Field(
         30.0,
         ge=3,

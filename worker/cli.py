@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), default=os.cpu_count() or 1, show_default="all cores", help="Processes."
 )
+cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Scheduler of a Dask cluster that does the work, tcp://HOST:8786.  [default: SHAPE_CONCEPTS_CLUSTER, or none]",
+)
 config_option = click.option(
     "--config", metavar="FILE", type=click.Path(path_type=Path), help="TOML or JSON file with parameters of the stages."
 )
@@ -50,6 +55,7 @@ def main() -> None:
         "shape-concepts-worker simulate --count 250 --seed 7 --out clouds",
         "shape-concepts-worker simulate --count 20 --seed 1 --out boxes-and-balls --orders 1-2 --noise none",
         "shape-concepts-worker simulate --count 50 --seed 7 --out clouds --renderer raycast",
+        "shape-concepts-worker simulate --count 100000 --out clouds --cluster tcp://10.0.0.1:8786",
     )
 )
 @click.option("--count", type=click.IntRange(min=1), required=True, help="Number of objects.")
@@ -60,6 +66,7 @@ def main() -> None:
 @click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
 @config_option
 @workers_option
+@cluster_option
 @json_option
 def simulate(
     count: int,
@@ -70,17 +77,19 @@ def simulate(
     renderer: str | None,
     config: Path | None,
     workers: int,
+    cluster: str | None,
     as_json: bool,
 ) -> None:
     """Simulates abstract objects (Alg. 1) and writes their clouds, as PLY, with a contact sheet."""
     from worker.progress import watching
+    from worker.sharing import shared_out
     from worker.simulation import simulate as simulate_objects
     from worker.simulation.writing import write
 
     params = _config(config).simulation.but(orders=_orders(orders), noise=noise, renderer=renderer)
-    with watching() as watch:
+    with watching() as watch, shared_out(workers, settings_of(cluster=cluster).cluster):
         watch.stage("simulating")
-        objects = simulate_objects(count, seed, params=params, workers=workers)
+        objects = simulate_objects(count, seed, params=params)
         write(watch.count(objects, count), out)
     result = {"clouds": count, "seed": seed, "folder": str(out), "contact_sheet": str(out / "contact-sheet.png")}
     click.echo(
@@ -93,6 +102,7 @@ def simulate(
         "shape-concepts-worker train --simulate 250 --name default",
         "shape-concepts-worker train --clouds scans --name workshop --config parameters.toml",
         "shape-concepts-worker train --simulate 1000 --seed 3 --name default --alias staging",
+        "shape-concepts-worker train --simulate 10000 --name default --cluster tcp://10.0.0.1:8786",
     )
 )
 @click.option("--clouds", type=click.Path(path_type=Path), metavar="DIR", help="Learn from all clouds of this folder.")
@@ -103,6 +113,7 @@ def simulate(
 @click.option("--renderer", type=click.Choice(["sapien", "raycast"]), help="What sees the scene.  [default: sapien]")
 @config_option
 @workers_option
+@cluster_option
 @json_option
 @store_option
 def train(
@@ -114,6 +125,7 @@ def train(
     renderer: str | None,
     config: Path | None,
     workers: int,
+    cluster: str | None,
     as_json: bool,
     store: str | None,
 ) -> None:
@@ -123,20 +135,20 @@ def train(
     be learnt from are named and left out. Concepts that are still the same as in the version that the alias meant
     before keep the names that people gave them.
     """
-    from joblib import parallel_config
-
     from service.carrying import carry_from_earlier
     from service.model_file import check_name
     from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
+    from worker.sharing import shared_out
 
     check_name(name, " model")
     check_name(alias, "n alias")
-    models = ModelStore(settings_of(store=store).store)
+    settings = settings_of(store=store, cluster=cluster)
+    models = ModelStore(settings.store)
     chosen = _config(config)
     source = _source(clouds, count, seed, chosen, renderer)
-    with watching() as watch, parallel_config(backend="loky", n_jobs=workers):
+    with watching() as watch, shared_out(workers, settings.cluster):
         model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
         before = models.aliases(name).get(alias)
@@ -316,8 +328,9 @@ def promote(
     "--worker", "name", metavar="NAME", help="Of this worker, the same at every start and no other's.  [default: host]"
 )
 @workers_option
+@cluster_option
 @store_option
-def run(name: str | None, workers: int, store: str | None) -> None:
+def run(name: str | None, workers: int, cluster: str | None, store: str | None) -> None:
     """Takes jobs from the queue and does them, one after the other.
 
     The queue is the database SHAPE_CONCEPTS_JOBS_URL. At SIGTERM or Ctrl-C the worker ends, exit code 0; a job that it
@@ -327,7 +340,7 @@ def run(name: str | None, workers: int, store: str | None) -> None:
 
     from worker.jobs import run as take_jobs
 
-    take_jobs(settings_of(store=store), name or platform.node() or "worker", workers)
+    take_jobs(settings_of(store=store, cluster=cluster), name or platform.node() or "worker", workers)
 
 
 def _source(folder: Path | None, count: int | None, seed: int, config: TrainingConfig, renderer: str | None) -> Source:

@@ -35,6 +35,7 @@ from worker.evaluation.report import Report, write_report
 from worker.job_files import JobFiles, as_npy
 from worker.learning.train import train
 from worker.promoting import Outcome, promote_by_rule
+from worker.sharing import shared_out
 from worker.simulation import simulate
 from worker.simulation.params import SimulationParams
 from worker.sources import Dataset, Folder, Joined, Simulation, Source
@@ -95,11 +96,13 @@ class Place(NamedTuple):
         store: URL.
         job: its id.
         processes: that it may use.
+        cluster: address of the Dask cluster that describes and simulates in their stead, if one does.
     """
 
     store: str
     job: str
     processes: int
+    cluster: str | None = None
 
     @property
     def files(self) -> JobFiles:
@@ -134,7 +137,7 @@ def gather(tell: Tell, spec: TrainSpec, place: Place) -> int:
     before = spec.extend or spec.parent
     parent = before and "{}:{}".format(*ModelStore(place.store).resolve(before))
     source, files, keys = _source(tell, spec, place, parent), place.files, []
-    with parallel_config(backend="loky", n_jobs=place.processes):
+    with shared_out(place.processes, place.cluster):
         for number, named in enumerate(tell.count(source, source.count)):
             files.write_cloud(number, named.cloud)
             keys.append(named.key)
@@ -154,7 +157,7 @@ def learn(tell: Tell, spec: TrainSpec, place: Place) -> dict[str, int]:
     """
     files = place.files
     index = files.index()
-    with parallel_config(backend="loky", n_jobs=place.processes):
+    with shared_out(place.processes, place.cluster):
         model, refused = train(tell.count(files.clouds(), len(index["keys"])), spec.params, spec.seed, tell.stage)
     files.write_model(model)
     left_out = index["refused"] | {key: str(error) for key, error in refused}
@@ -303,7 +306,7 @@ def simulate_into(tell: Tell, spec: SimulateSpec, place: Place) -> dict[str, Any
     datasets = Datasets(place.store)
     datasets.create(spec.dataset)
     params = SimulationParams().but(**spec.simulation)
-    with parallel_config(backend="loky", n_jobs=place.processes):
+    with shared_out(place.processes, place.cluster):
         for simulated in tell.count(simulate(spec.count, spec.seed, params=params), spec.count):
             datasets.put(
                 spec.dataset,

@@ -26,6 +26,7 @@ from dbos import DBOS, DBOSConfig, DBOSPortableJSONSerializer
 from dbos import error as dbos_error
 
 from service.engine.errors import (
+    ClusterUnavailable,
     InvalidParameter,
     JobNotFound,
     JobsUnavailable,
@@ -53,7 +54,12 @@ TIDY_WARNING = "ignore::UserWarning:joblib.externals.loky.backend.resource_track
 LONGEST_PAUSE = 60.0  # seconds between two tries of a step
 SIGNAL_CHECK = 0.5  # seconds; a signal that another thread took wakes no wait without an end
 POLLED_EVERY = 0.5  # seconds between two looks into the queue
-PASSING = (StoreUnavailable, JobsUnavailable, StageDied)  # what may be over when a step is tried again
+PASSING = (
+    ClusterUnavailable,
+    StoreUnavailable,
+    JobsUnavailable,
+    StageDied,
+)  # what may be over when a step is tried again
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +86,8 @@ class Worker:
     """
 
     def __init__(self, settings: Settings, name: str, processes: int) -> None:
-        self._url, self._name, self._processes = settings.jobs_url, name, processes
+        self._url, self._name = settings.jobs_url, name
+        self._processes, self._cluster = processes, settings.cluster
         self._store, self._objects = ModelStore(settings.store), Objects(settings.store)
         self._jobs = Jobs(settings.jobs_url)
         self._pulse = Pulse(self._jobs, name, settings.worker_lease)
@@ -217,7 +224,7 @@ class Worker:
         deadline: float | None,
     ) -> Any:
         """Does a step, again and again as long as what it lacks may come back."""
-        place = Place(self._store.url, str(DBOS.workflow_id), self._processes)
+        place = Place(self._store.url, str(DBOS.workflow_id), self._processes, self._cluster)
 
         def look() -> None:
             self._look(spec, deadline)

@@ -46,14 +46,30 @@ def jsd_matrix(queries: NDArray[np.float32], others: Distributions) -> NDArray[n
 
 @njit(cache=True, nogil=True)
 def sparse_jsd(
-    p: NDArray[np.float64], filled: bool, indices: NDArray[np.int64], data: NDArray[np.float64], start: int, stop: int
+    p: NDArray[np.float64],
+    filled: bool,
+    indices: NDArray[np.integer],
+    data: NDArray[np.floating],
+    start: int,
+    stop: int,
+    total: float = 1.0,
 ) -> float:
-    """JSD(p, q) = ln 2 - 1/2 sum over the shared support of [p ln((p + q) / p) + q ln((p + q) / q)], nats."""
+    """JSD(p, q) = ln 2 - 1/2 sum over the shared support of [p ln((p + q) / p) + q ln((p + q) / q)], nats.
+
+    Args:
+        p: (V,) dense, of sum 1, or of zeros.
+        filled: whether p is not all zeros.
+        indices: where the entries of all sparse vectors stand.
+        data: the entries.
+        start: of the entries of q.
+        stop: of them.
+        total: their sum: q is what they are divided by it.
+    """
     if not filled and start == stop:
         return 0.0
     shared = 0.0
     for k in range(start, stop):
-        a, b = p[indices[k]], data[k]
+        a, b = p[indices[k]], data[k] / total
         if a > 0.0 and b > 0.0:
             shared += a * np.log((a + b) / a) + b * np.log((a + b) / b)
     return max(LN2 - 0.5 * shared, 0.0)

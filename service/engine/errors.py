@@ -151,6 +151,10 @@ class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 
 
+class ClusterUnavailable(ShapeConceptsError):
+    """The Dask cluster cannot be used: it is not there, has no workers, or its workers would give other bits."""
+
+
 class JobConflict(ShapeConceptsError):
     """The job is in a state in which this cannot be done."""
 

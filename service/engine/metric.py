@@ -54,9 +54,11 @@ class Metric:
 
 def features(stimuli: csr_array, weights: NDArray[np.float32], power: float) -> csr_array:
     """Weighted stimuli vectors (n, V), or weighted powers of those normalised to sum 1."""
-    rows = csr_array(stimuli.astype(np.float64))
+    rows = csr_array(stimuli)
+    data = rows.data.astype(np.float64)
     if power != 1:
-        total = np.asarray(rows.sum(axis=1)).ravel()
-        scale = np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
-        rows = csr_array(((rows.data / scale) ** power, rows.indices, rows.indptr), shape=rows.shape)
-    return csr_array(rows.multiply(weights[None, :]))
+        total = np.asarray(csr_array((data, rows.indices, rows.indptr), shape=rows.shape).sum(axis=1)).ravel()
+        data /= np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
+        np.power(data, power, out=data)
+    data *= weights[rows.indices]
+    return csr_array((data, rows.indices, rows.indptr), shape=rows.shape)

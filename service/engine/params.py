@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from service.engine.errors import InvalidParameter
 
+MAX_OBJECTS = 1000
+
 
 class StageParams(BaseModel):
     """Base of all stages' parameters: frozen, and closed against misspelt names."""
@@ -79,7 +81,11 @@ class DictionaryParams(StageParams):
 
 
 class HierarchyParams(StageParams):
-    """Propagation of constellations. In the paper wholes stand on the level that they reach (`whole_apart` False)."""
+    """Propagation of constellations. In the paper wholes stand on the level that they reach (`whole_apart` False).
+
+    All but a few motifs of whole objects are distinct, so that stimuli of all training objects would have as many
+    dimensions as there are objects, and learning would take their square of memory: hence `max_objects`.
+    """
 
     max_constellations: int = Field(
         24, ge=1, le=4096, description="constellations kept on one motif level; the largest stay, the rest is cut off"
@@ -87,6 +93,14 @@ class HierarchyParams(StageParams):
     max_levels: int = Field(12, ge=1, le=62, description="motif levels below the whole object")
     whole_apart: bool = Field(
         True, description="whole objects form a level of their own above all others, however many segments they have"
+    )
+    max_objects: int = Field(
+        MAX_OBJECTS,
+        ge=2,
+        le=1_000_000,
+        exclude_if=lambda count: count == MAX_OBJECTS,  # it shapes learning alone: older models that are silent load
+        description="training objects whose constellations are memorised; of more, a sample's, those of the smallest "
+        "content hashes: the others excite what the sample memorises, and are prototypes of concepts all the same",
     )
 
 

@@ -64,11 +64,14 @@ def excite(
     words: NDArray[np.int64],
     params: StimuliParams,
 ) -> Excitation:
-    """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`."""
+    """What each constellation gives each vertex, before it is pooled; the arguments are those of `stimulate`.
+
+    Where constellations are told by their rank, ranks that weigh nothing are spared, and are given 0.
+    """
     weights = constellations.coverage**params.coverage_power
     active = _activated(ensemble, constellations, words, params)
     if params.gating == "rank":
-        alpha = _excite_by_rank(ensemble, constellations, descriptors, params.sigma)
+        alpha = _excite_by_rank(ensemble, constellations, descriptors, params)
     else:
         alpha = gaussian_of_jsd(descriptors, ensemble.distributions, params.sigma) @ ensemble.mean_over_vertex
         if active is not None:
@@ -95,14 +98,17 @@ def gaussian_of_jsd(queries: NDArray[np.float32], prototypes: Distributions, sig
 
 
 def _excite_by_rank(
-    ensemble: Ensemble, constellations: Constellations, descriptors: NDArray[np.float32], sigma: float
+    ensemble: Ensemble, constellations: Constellations, descriptors: NDArray[np.float32], params: StimuliParams
 ) -> NDArray[np.float64]:
     """The mean over T^v of each constellation's kernel values (C, V), 0 for vertices of ranks that it is not of."""
     alpha = np.zeros((len(descriptors), ensemble.vertex_count))
     of_rank = _of_rank(constellations, int(ensemble.vertex_levels.max()))
+    weights = _weights(params)
     for rank, memories in ensemble.memories.items():
+        if params.balanced and weights[rank] == 0:
+            continue
         own = np.flatnonzero(of_rank[:, rank])
-        kernel = gaussian_of_jsd(descriptors[own], memories.prototypes, sigma)
+        kernel = gaussian_of_jsd(descriptors[own], memories.prototypes, params.sigma)
         alpha[np.ix_(own, memories.vertices)] = kernel @ memories.mean_over_vertex
     return alpha
 
@@ -155,14 +161,18 @@ def _pool(excitation: Excitation, pooling: str) -> NDArray[np.float64]:
 def _balance(gamma: NDArray[np.float64], ensemble: Ensemble, params: StimuliParams) -> NDArray[np.float64]:
     """Stimuli of which each rank's sum to its weight times V."""
     out = np.zeros_like(gamma)
-    weights = {
-        Rank.SEGMENT: params.segment_weight,
-        Rank.UNION: params.union_weight,
-        Rank.WHOLE: params.whole_weight,
-    }
-    for rank, weight in weights.items():
+    for rank, weight in _weights(params).items():
         of_rank = ensemble.vertex_ranks == rank
         total = gamma[of_rank].sum()
         if total > 0:
             out[of_rank] = gamma[of_rank] / total * (weight * len(gamma))
     return out
+
+
+def _weights(params: StimuliParams) -> dict[Rank, float]:
+    """What each rank weighs, where they are balanced."""
+    return {
+        Rank.SEGMENT: params.segment_weight,
+        Rank.UNION: params.union_weight,
+        Rank.WHOLE: params.whole_weight,
+    }

@@ -20,6 +20,7 @@ def test_every_setting_is_read_from_the_environment_under_one_prefix(monkeypatch
     given = {
         "store": "s3://models/x",
         "jobs_url": "postgresql://worker@database/jobs",
+        "cluster": "tcp://10.0.0.1:8786",
         "worker_lease": "12.5",
         "built_in": "False",
         "model": "mugs@staging",

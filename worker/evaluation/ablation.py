@@ -21,7 +21,8 @@ from worker.evaluation.judgement import Recalled, judge_others, judge_recalls
 from worker.evaluation.protocols import Samples
 from worker.evaluation.report import Ablated, AblatedSet
 from worker.learning.observations import Observation
-from worker.learning.train import conceive, stack
+from worker.learning.stimuli import stack
+from worker.learning.train import conceive
 
 NO_WORDS = np.zeros((0, 0), np.int64)
 SAME = 1e-9  # responses that differ by less are equal but for rounding
@@ -109,12 +110,13 @@ def even(model: ShapeModel) -> ShapeModel:
     """The model with the stimuli that its training objects have where ranks that weigh nothing count as 1.
 
     Only where ranks are what constellations are told by: of the training objects' words no other trace is left than
-    the vertices that they activate.
+    the vertices that they activate. And only where all training objects are memorised, with all their constellations.
     """
     params = model.params.stimuli
     weights = ("segment_weight", "union_weight", "whole_weight")
     silent = {name: 1.0 for name in weights if getattr(params, name) == 0}
-    if not silent or not params.balanced or params.gating != "rank":
+    sampled = model.stimuli.shape[0] > model.params.hierarchy.max_objects
+    if not silent or not params.balanced or params.gating != "rank" or sampled:
         return model
     params = params.model_copy(update=silent)
     ensemble = model.ensemble

@@ -38,7 +38,7 @@ def _split(cluster: NDArray[np.float64], mean: NDArray[np.float64]) -> list[_Hal
     """Two halves and their means, by 2-means that starts from the two sides of the principal component."""
     if len(cluster) == 0 or np.ptp(cluster, axis=0).max() == 0:
         return [(cluster, mean), (cluster[:0], mean)]
-    side = (cluster - mean) @ _principal_direction(cluster - mean) > 0
+    side = (cluster - mean) @ principal_direction(cluster - mean) > 0
     for _ in range(ROUNDS):
         if side.all() or not side.any():
             return [(cluster, mean), (cluster[:0], mean)]
@@ -50,7 +50,7 @@ def _split(cluster: NDArray[np.float64], mean: NDArray[np.float64]) -> list[_Hal
     return [(cluster[~side], low), (cluster[side], high)]
 
 
-def _principal_direction(centred: NDArray[np.float64]) -> NDArray[np.float64]:
+def principal_direction(centred: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vector (D,) of the largest variance, its largest coordinate positive."""
     direction = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     return direction * np.sign(direction[np.abs(direction).argmax()])

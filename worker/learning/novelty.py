@@ -19,11 +19,14 @@ def learn_novelty(objects: Sequence[Observation], ensemble: Ensemble) -> Novelty
 
     Args:
         objects: N of them, at least 2.
-        ensemble: grown from them; its prototypes are their constellations, object after object.
+        ensemble: grown from them; its prototypes are, object after object, their constellations, or the whole alone.
     """
-    sizes = [len(o.descriptors) for o in objects]
-    first = np.cumsum([0, *sizes[:-1]], dtype=np.int64)
-    wholes = first + np.array([whole_of(o.constellations) for o in objects], dtype=np.int64)
+    sizes = np.bincount(ensemble.objects, minlength=len(objects))
+    places = [
+        whole_of(o.constellations) if size == len(o.descriptors) else 0
+        for o, size in zip(objects, sizes.tolist(), strict=True)
+    ]
+    wholes = np.cumsum(sizes) - sizes + np.array(places, dtype=np.int64)
     others = distributions(ensemble.prototypes[wholes])
     nearest = np.empty(len(objects), np.float32)
     for start in range(0, len(objects), ROWS):

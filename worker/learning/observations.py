@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -20,7 +19,9 @@ from service.engine.params import ModelParams
 from service.engine.perception import perceive
 from worker.learning.prototypes import draw_thumbnail
 
-ROUND = 64  # clouds in memory at a time
+ROUND = 64  # clouds in memory at a time, at least
+EACH = 8  # or as many for each worker
+BYTES = 256 * 2**20  # but of points no more than these, and a cloud
 
 
 class NamedCloud(NamedTuple):
@@ -63,9 +64,23 @@ class Refusal(NamedTuple):
 
 def observe(clouds: Iterable[NamedCloud], params: ModelParams) -> Iterator[Observation | Refusal]:
     """Perceives clouds, in their order, on as many workers as `joblib.parallel_config` says."""
-    remaining = iter(clouds)
-    while batch := list(islice(remaining, ROUND)):
+    for batch in _rounds(clouds):
         yield from Parallel()(delayed(_observe)(named, params) for named in batch)
+
+
+def _rounds(clouds: Iterable[NamedCloud]) -> Iterator[list[NamedCloud]]:
+    """The clouds that are in memory at a time."""
+    most = max(ROUND, EACH * effective_n_jobs())
+    batch: list[NamedCloud] = []
+    size = 0
+    for named in clouds:
+        batch.append(named)
+        size += named.cloud.points.nbytes
+        if len(batch) == most or size >= BYTES:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
 
 
 def _observe(named: NamedCloud, params: ModelParams) -> Observation | Refusal:

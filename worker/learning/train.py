@@ -6,32 +6,27 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from service.engine.dictionary import Dictionary
 from service.engine.errors import NotEnoughSamples
 from service.engine.filtration import Filtration
 from service.engine.metric import Metric
 from service.engine.model import ShapeModel
-from service.engine.motifs import Ensemble
-from service.engine.params import ModelParams, StimuliParams
+from service.engine.params import ModelParams
 from service.engine.perception import OnStage, ignore_stage
 from service.engine.prototypes import Prototypes
 from service.engine.space import TopologicalSpace
-from service.engine.stimuli import Stimuli, stimulate
 from worker.learning.concepts import extract_concepts
 from worker.learning.dictionary import learn_dictionary
 from worker.learning.filtration import filtrate
-from worker.learning.hierarchy import grow_ensemble
+from worker.learning.hierarchy import grow_ensemble, sample
 from worker.learning.metric import learn_metric
 from worker.learning.novelty import learn_novelty
 from worker.learning.observations import NamedCloud, Observation, Refusal, observe
 from worker.learning.prototypes import draw_map
 from worker.learning.space import build_space
-
-BATCH = 8  # objects whose stimuli a worker computes at a time
+from worker.learning.stimuli import stimulate_all
 
 
 class Trained(NamedTuple):
@@ -81,10 +76,10 @@ def learn(
         dictionary = learn_dictionary(np.concatenate([o.segment_descriptors for o in objects]), params.dictionary)
 
         on_stage("motif hierarchies")
-        ensemble = grow_ensemble(objects, dictionary)
+        ensemble = grow_ensemble(objects, dictionary, sample(objects, params.hierarchy.max_objects))
 
         on_stage("stimuli")
-        stimuli = _stimulate_all(objects, dictionary, ensemble, params.stimuli)
+        stimuli = stimulate_all(objects, dictionary, ensemble, params.stimuli)
 
         conceived = conceive(stimuli, params, on_stage)
 
@@ -134,32 +129,3 @@ def _observe_all(clouds: Iterable[NamedCloud], params: ModelParams) -> tuple[lis
             f"Learning needs at least 2 clouds that can be described; there are {len(objects)}.{why}"
         )
     return objects, refused
-
-
-def _stimulate_all(
-    objects: Sequence[Observation], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
-) -> csr_array:
-    """The stimuli vectors of the training objects themselves (N, V), float32: all that follows learns from these."""
-    batches = [objects[i : i + BATCH] for i in range(0, len(objects), BATCH)]
-    results: list[list[Stimuli]] = Parallel()(
-        delayed(_stimulate)(batch, dictionary, ensemble, params) for batch in batches
-    )
-    return stack([row for batch in results for row in batch], ensemble.vertex_count)
-
-
-def stack(rows: Sequence[Stimuli], vertices: int) -> csr_array:
-    """Stimuli vectors of N objects as the rows of a sparse matrix (N, V)."""
-    indptr = np.cumsum([0, *(len(row.indices) for row in rows)], dtype=np.int64)
-    data = np.concatenate([row.values for row in rows])
-    indices = np.concatenate([row.indices for row in rows])
-    return csr_array((data, indices, indptr), shape=(len(rows), vertices))
-
-
-def _stimulate(
-    objects: Sequence[Observation], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
-) -> list[Stimuli]:
-    with threadpool_limits(1):
-        return [
-            stimulate(ensemble, o.constellations, o.descriptors, dictionary.words(o.segment_descriptors), params)
-            for o in objects
-        ]

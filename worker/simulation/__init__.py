@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed, effective_n_jobs, parallel_config
 from numpy.typing import NDArray
 
 from service.engine.cloud import PointCloud
@@ -23,6 +23,7 @@ from worker.simulation.sensor import measure
 __all__ = ["Composition", "Prototype", "SimulatedObject", "SimulationParams", "View", "simulate"]
 
 ROUND = 64  # objects simulated before the first of them is handed on: bounds the memory that waiting ones take
+EACH = 8  # or as many for each worker, where that is more
 MAX_DRAWS = 1000
 
 
@@ -105,11 +106,13 @@ def _simulate(
     workers: int | None,
     on_object: Callable[[SimulatedObject], None],
 ) -> Iterator[SimulatedObject]:
-    for first in range(0, count, ROUND):
+    first = 0
+    while first < count:
         # The number of workers is set around each round, not around what is done with its objects.
         with parallel_config(backend="loky", n_jobs=workers) if workers else nullcontext():
-            indices = range(first, min(first + ROUND, count))
+            indices = range(first, min(first + max(ROUND, EACH * effective_n_jobs()), count))
             objects = Parallel()(delayed(simulate_object)(index, seed, params) for index in indices)
+        first = indices.stop
         for simulated in objects:
             on_object(simulated)
             yield simulated

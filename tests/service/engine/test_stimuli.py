@@ -164,7 +164,7 @@ def test_with_the_gate_of_ranks_a_constellation_excites_no_vertex_of_another_ran
                 seen.constellations,
                 seen.descriptors,
                 words,
-                StimuliParams(sigma=0.08, gating=g, coverage_power=power),
+                StimuliParams(sigma=0.08, gating=g, coverage_power=power, union_weight=1),
             )
             for g in ("rank", "kernel")
         )
@@ -176,6 +176,22 @@ def test_with_the_gate_of_ranks_a_constellation_excites_no_vertex_of_another_ran
             assert np.array_equal(row[allowed], free.alpha[c][allowed])
             refused += int((free.alpha[c][~allowed] > 0).sum())
     assert refused > 0
+
+
+@pytest.mark.parametrize("name", ["segment_weight", "union_weight", "whole_weight"])
+def test_a_rank_that_weighs_nothing_is_spared_and_changes_nothing_of_the_others(name: str):
+    ensemble = learnt().ensemble
+    top = int(ensemble.vertex_levels.max())
+    spared = np.array([f"{rank_of(level, top)}_weight" == name for level in ensemble.vertex_levels.tolist()])
+    for seen in seen_objects()[:4]:
+        words = learnt().dictionary.words(seen.segment_descriptors)
+        without, with_all = (
+            excite(ensemble, seen.constellations, seen.descriptors, words, StimuliParams(**(WEIGHTS | {name: weight})))
+            for weight in (0.0, 1.0)
+        )
+        assert not without.alpha[:, spared].any()
+        assert with_all.alpha[:, spared].any()
+        assert np.array_equal(without.alpha[:, ~spared], with_all.alpha[:, ~spared])
 
 
 def test_every_object_excites_unions_as_much_as_any_other_that_of_one_segment_by_its_whole():

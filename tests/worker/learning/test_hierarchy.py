@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from service.engine.motifs import Motif
-from tests.learnt import PRESETS, learnt, perceived
-from worker.learning.hierarchy import grow_ensemble
+from service.engine.novelty import whole_of
+from service.engine.params import ModelParams
+from tests.learnt import PRESETS, learnt, named_clouds, perceived
+from worker.learning.hierarchy import grow_ensemble, sample
+from worker.learning.observations import Observation, observe
 
 presets = pytest.mark.parametrize("preset", PRESETS)
 
@@ -92,3 +97,43 @@ def test_growing_one_object_at_a_time_adds_to_what_was_there():
         assert set(map(tuple, a.edges.tolist())) <= set(map(tuple, b.edges.tolist()))
         for v in range(len(a.vertices)):
             assert set(a.prototypes[[v]].indices) <= set(b.prototypes[[v]].indices)
+
+
+@cache
+def observed() -> tuple[Observation, ...]:
+    return tuple(o for o in observe(named_clouds(9), ModelParams()) if isinstance(o, Observation))
+
+
+def test_a_sample_hangs_on_the_clouds_alone_and_not_on_their_order():
+    objects = list(observed())
+    picked = {objects[number].digest for number in sample(objects, 4)}
+    assert len(picked) == 4
+    assert {objects[::-1][number].digest for number in sample(objects[::-1], 4)} == picked
+    assert sample(objects, 4).tolist() == sorted(sample(objects, 4).tolist())
+    assert sample(objects, 9).tolist() == sample(objects, 1000).tolist() == list(range(9))
+
+
+def test_an_added_cloud_takes_the_place_of_one_at_most():
+    objects = list(observed())
+    before = {objects[number].digest for number in sample(objects[:8], 4)}
+    assert len(before - {objects[number].digest for number in sample(objects, 4)}) <= 1
+
+
+def test_of_objects_outside_the_sample_the_wholes_alone_are_kept():
+    objects, dictionary = list(observed()), learnt().dictionary
+    few = np.array([1, 4, 6])
+    ensemble, alone = (
+        grow_ensemble(objects, dictionary, few),
+        grow_ensemble([objects[k] for k in few], dictionary),
+    )
+    for number, o in enumerate(objects):
+        own = ensemble.prototypes[ensemble.objects == number]
+        expected = o.descriptors if number in few else o.descriptors[[whole_of(o.constellations)]]
+        assert np.array_equal(own, expected)
+    for ours, theirs in zip(ensemble.hierarchies, alone.hierarchies, strict=True):
+        assert ours.vertices == theirs.vertices
+        assert np.array_equal(ours.edges, theirs.edges)
+        assert np.array_equal(ours.propagations, theirs.propagations)
+        for v in range(len(ours.vertices)):
+            memories, same = (h.prototypes.indices[slice(*h.prototypes.indptr[v : v + 2])] for h in (ours, theirs))
+            assert np.array_equal(ensemble.prototypes[memories], alone.prototypes[same])

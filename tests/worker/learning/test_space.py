@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
 from scipy.spatial.distance import jensenshannon
 
+from service.engine.divergence import sparse_jsd
 from service.engine.space import TopologicalSpace
 from tests.learnt import learnt
 from worker.learning.space import build_space
@@ -162,6 +163,35 @@ def test_a_models_space_can_be_recomputed_from_its_stored_stimuli(preset: str):
     assert list(map(tuple, model.space.edges.tolist())) == kruskal(distances)
     assert np.allclose(model.space.distance, distances[tuple(model.space.edges.T)], atol=1e-12)
     check_heat(model.space)
+
+
+def mixture(seed: int, size: int, dimensions: int = 200) -> csr_array:
+    """Stimuli as objects of a few kinds have them: all dimensions filled, kinds of kinds, some twins, one of zeros."""
+    rng = np.random.default_rng(seed)
+    means = rng.gamma(0.5, size=(4, dimensions)) + 1e-3
+    kinds = means[rng.integers(4, size=12)] * rng.gamma(20.0, size=(12, dimensions))
+    rows = kinds[rng.integers(12, size=size)] * rng.gamma(200.0, size=(size, dimensions))
+    rows[size // 2 : size // 2 + 3] = rows[:3]
+    rows[size // 3] = 0
+    return csr_array(rows.astype(np.float32))
+
+
+@pytest.mark.parametrize("stimuli", [mixture(0, 220), mixture(1, 90), sparse(9, 120), sparse(10, 120, fill=0.02)])
+def test_what_the_bounds_spare_changes_no_bit_of_the_tree(stimuli: csr_array):
+    """The slow plain twin: the exact distance of every two vectors, and Kruskal's algorithm."""
+    rows = csr_array(stimuli)
+    size, total = rows.shape[0], np.array([r.astype(np.float64).sum() for r in np.split(rows.data, rows.indptr[1:-1])])
+    total = np.where(total > 0, total, 1.0)
+    distances = np.zeros((size, size))
+    for i in range(size):
+        p = rows[[i]].toarray().ravel() / total[i]
+        for j in range(i):
+            start, stop = int(rows.indptr[j]), int(rows.indptr[j + 1])
+            distances[i, j] = sparse_jsd(p, bool(p.any()), rows.indices, rows.data, start, stop, total[j])
+            distances[j, i] = distances[i, j]
+    space = build_space(stimuli)
+    assert list(map(tuple, space.edges.tolist())) == kruskal(distances)
+    assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
 
 
 def test_the_matrix_of_all_distances_is_never_held():

@@ -88,6 +88,21 @@ def test_parameters_reach_every_stage():
     assert len(model.ensemble.prototypes) < len(learn().model.ensemble.prototypes)
 
 
+def test_objects_beyond_those_memorised_are_prototypes_of_concepts_all_the_same():
+    params = ModelParams(hierarchy=HierarchyParams(max_objects=4))
+    model, whole = learn(params).model, learn().model
+    assert model.stimuli.shape[0] == len(model.prototypes.cloud_keys) == len(model.novelty_scale.wholes) == 9
+    assert np.diff(model.stimuli.indptr).min() > 0
+    assert model.ensemble.vertex_count < whole.ensemble.vertex_count
+    assert np.array_equal(model.novelty_scale.divergences, whole.novelty_scale.divergences)
+    again = ShapeModel.from_tensors(model.to_tensors(), params)
+    for named in named_clouds():
+        a, b = (m.respond(named.cloud, explain=True) for m in (model, again))
+        assert np.array_equal(a.responses, b.responses)
+        assert np.isfinite(a.responses).all()
+    assert fingerprint(learn(ModelParams(hierarchy=HierarchyParams(max_objects=9))).model) == fingerprint(whole)
+
+
 def test_clouds_that_cannot_be_described_are_reported_and_left_out():
     clouds = [LINE, *named_clouds(4), SCRAP, *named_clouds(9)[4:]]
     trained = train(clouds, ModelParams())

@@ -1,0 +1,67 @@
+"""The stimuli of the training objects themselves, on as many workers as `joblib.parallel_config` says."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from threadpoolctl import threadpool_limits
+
+from service.engine.dictionary import Dictionary
+from service.engine.motifs import Ensemble
+from service.engine.params import StimuliParams
+from service.engine.stimuli import Stimuli, stimulate
+from worker.learning.observations import Observation
+
+BATCH = 8  # objects whose stimuli a worker computes at a time
+
+Learnt = tuple[Dictionary, Ensemble]
+
+
+def stimulate_all(
+    objects: Sequence[Observation], dictionary: Dictionary, ensemble: Ensemble, params: StimuliParams
+) -> csr_array:
+    """The stimuli vectors of the training objects (N, V), float32: all that follows learns from these."""
+    data = pickle.dumps((dictionary, ensemble), protocol=5)
+    packed, digest = np.frombuffer(data, dtype=np.uint8), hashlib.sha256(data).hexdigest()
+    batches = (objects[i : i + BATCH] for i in range(0, len(objects), BATCH))
+    results = Parallel(return_as="generator")(delayed(_stimulate)(batch, packed, digest, params) for batch in batches)
+    try:
+        return stack((row for batch in results for row in batch), ensemble.vertex_count)
+    finally:
+        _unpacked.clear()
+
+
+def stack(rows: Iterable[Stimuli], vertices: int) -> csr_array:
+    """Stimuli vectors of N objects as the rows of a sparse matrix (N, V)."""
+    given = list(rows)
+    indptr = np.cumsum([0, *(len(row.indices) for row in given)], dtype=np.int64)
+    data = np.concatenate([row.values for row in given])
+    indices = np.concatenate([row.indices for row in given])
+    return csr_array((data, indices, indptr), shape=(len(given), vertices))
+
+
+_unpacked: dict[str, Learnt] = {}
+"""What this process unpacked last, by its digest: once for all batches, and prepared once to be compared with."""
+
+
+def _stimulate(
+    objects: Sequence[Observation], packed: NDArray[np.uint8], digest: str, params: StimuliParams
+) -> list[Stimuli]:
+    """A large array goes to each machine once, however many batches there are: so what all need comes as one."""
+    with threadpool_limits(1):
+        learnt = _unpacked.get(digest)
+        if learnt is None:
+            learnt = pickle.loads(packed.data)
+            _unpacked.clear()
+            _unpacked[digest] = learnt
+        dictionary, ensemble = learnt
+        return [
+            stimulate(ensemble, o.constellations, o.descriptors, dictionary.words(o.segment_descriptors), params)
+            for o in objects
+        ]
