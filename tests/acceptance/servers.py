@@ -26,7 +26,11 @@ def free_ports(count: int) -> list[int]:
 
 
 class Postgres:
-    """A Postgres server with an empty database; a folder that every user may enter holds it."""
+    """A Postgres server with an empty database; a folder that every user may enter holds it.
+
+    Attributes:
+        url: of the database.
+    """
 
     def __init__(self, folder: Path, user: str, database: str, password: str) -> None:
         found = sorted(Path("/usr/lib/postgresql").glob("*/bin")) or [Path(shutil.which("initdb") or "").parent]
@@ -43,10 +47,16 @@ class Postgres:
             shutil.chown(secret, "postgres")
         access = ["-A", "scram-sha-256", f"--pwfile={secret}"]
         self.run("initdb", "-D", str(folder / "data"), "-U", user, *access, "--no-sync")
-        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={folder}"
-        self.run("pg_ctl", "-D", str(folder / "data"), "start", "-w", "-o", options, "-l", str(folder / "log"))
+        self.start()
+        self.url = f"postgresql://{user}:{password}@127.0.0.1:{self.port}/{database}"
         self.environment = {"PGPASSWORD": password, "PGHOST": "127.0.0.1", "PGPORT": str(self.port), "PGUSER": user}
         self.run("createdb", database)
+
+    def start(self) -> None:
+        """Starts it, again too."""
+        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self._folder}"
+        log = str(self._folder / "log")
+        self.run("pg_ctl", "-D", str(self._folder / "data"), "start", "-w", "-o", options, "-l", log)
 
     def run(self, program: str, *arguments: str) -> str:
         """What one of Postgres' programs prints."""
@@ -66,7 +76,7 @@ class Postgres:
         self.run(program, *arguments, "--file", str(file))
 
     def stop(self) -> None:
-        """Ends it at once."""
+        """Ends it at once, as a crash does."""
         self.run("pg_ctl", "-D", str(self._folder / "data"), "stop", "-m", "immediate")
 
 
