@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,12 @@ def scans() -> Path:
     if not (folder / "scans" / "labels.csv").is_file():
         pytest.skip(f"real scans are not at {folder}: set SHAPE_CONCEPTS_DATA to their folder")
     return folder
+
+
+def pytest_configure() -> None:
+    """Lets processes of tests hear Ctrl-C, though a shell that started this in the background has it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

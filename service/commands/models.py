@@ -97,7 +97,7 @@ def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
 
 @models.command(
     epilog=examples(
-        "shape-concepts models compare default:1 default:2",
+        "shape-concepts models compare default:2 default:3",
         "shape-concepts models compare default default@staging --json",
     )
 )

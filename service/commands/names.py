@@ -123,7 +123,7 @@ def propose(model: str, labels_file: Path, apply: bool, time: float | None, as_j
         sys.exit(1)
 
 
-@names.command(epilog=examples("shape-concepts names carry default:2 --from default:1"))
+@names.command(epilog=examples("shape-concepts names carry default:3 --from default:2"))
 @click.argument("model", metavar="NAME:2")
 @click.option("--from", "source", required=True, metavar="NAME:1", help="The version that has names.")
 @json_option

@@ -7,7 +7,10 @@ import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -78,6 +81,19 @@ class Postgres:
     def stop(self) -> None:
         """Ends it at once, as a crash does."""
         self.run("pg_ctl", "-D", str(self._folder / "data"), "stop", "-m", "immediate")
+
+
+@contextmanager
+def postgres_of_jobs() -> Iterator[Postgres]:
+    """A Postgres server with a database for jobs, until the context ends."""
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own are closed to other users
+        Path(folder).chmod(0o755)
+        (Path(folder) / "server").mkdir()
+        server = Postgres(Path(folder) / "server", "worker", "jobs", "secret")
+        try:
+            yield server
+        finally:
+            server.stop()
 
 
 class SeaweedFS:

@@ -8,7 +8,6 @@ import re
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -23,7 +22,7 @@ from service.datasets import Datasets
 from service.job_specs import read_spec
 from service.labels import Label
 from tests.acceptance.jobs_place import PATIENCE, Place, Worker, free_port, wait_until
-from tests.acceptance.servers import Postgres
+from tests.acceptance.servers import Postgres, postgres_of_jobs
 from worker.simulation import simulate
 
 STEPS = ("gathering clouds", "segments and descriptors", "responses", "publishing")  # the first stage of each step
@@ -356,12 +355,8 @@ def test_a_full_disk_under_the_database_loses_no_job(tmp_path: Path, small_disk:
 
 @pytest.fixture
 def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:  # pytest's own are closed to other users
-        Path(folder).chmod(0o755)
-        (Path(folder) / "server").mkdir()
-        server = Postgres(Path(folder) / "server", "worker", "jobs", "secret")
+    with postgres_of_jobs() as server:
         yield server
-        server.stop()
 
 
 def test_a_job_outlives_a_restart_of_its_database(tmp_path: Path, postgres: Postgres) -> None:

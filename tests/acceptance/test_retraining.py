@@ -7,10 +7,8 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +22,7 @@ from service.jobs import Jobs
 from service.labels import Label
 from service.schedules import Schedules, id_of
 from tests.acceptance.jobs_place import Place
-from tests.acceptance.test_job_faults import Postgres
+from tests.acceptance.servers import postgres_of_jobs
 from tests.learnt import objects
 from worker.scheduling import Scheduling
 
@@ -112,9 +110,7 @@ def test_a_model_is_extended_judged_promoted_and_taken_back(place: Place) -> Non
 
 @pytest.mark.slow
 def test_on_postgres_several_workers_make_one_job_of_a_due_time_too() -> None:
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as ending:  # pytest's own are closed to other users
-        server = Postgres(Path(folder))
-        ending.callback(server.crash)
+    with postgres_of_jobs() as server:
         jobs = Jobs(server.url)
         schedules = Schedules(jobs)
         hourly = read_cron("0 * * * *")
