@@ -47,7 +47,7 @@ def test_answers_and_problems_are_lines_of_json_until_ctrl_c(
                 assert json.loads(line)["key"] == "robots/7/cloud"  # `**` brings the clouds as well
             lines.append(json.loads(line))
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
+        assert process.wait(10) == 0
         assert process.stderr is not None
         assert process.stderr.read() == ""
     answer, error = lines
