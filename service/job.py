@@ -96,8 +96,14 @@ class Job(BaseModel):
         return self.state in OVER
 
 
-def read_job(status: WorkflowStatus, progress: Progress | None) -> Job:
-    """The job that is a workflow of the job engine."""
+def read_job(status: WorkflowStatus, progress: Progress | None, begun: float | None = None) -> Job:
+    """The job that is a workflow of the job engine.
+
+    Args:
+        status: as the engine tells it; of a cancelled job it forgets when that was taken.
+        progress: how far it is.
+        begun: when it was first taken, seconds since 1970.
+    """
     state = ENGINE_STATES[status.status]
     inputs: Any = status.input
     return Job(
@@ -105,7 +111,7 @@ def read_job(status: WorkflowStatus, progress: Progress | None) -> Job:
         state=state,
         spec=read_spec(inputs["args"][0]),
         submitted=_time(status.created_at) or datetime.now(UTC),
-        started=_time(status.dequeued_at),
+        started=_time(status.dequeued_at) or (None if begun is None else datetime.fromtimestamp(begun, UTC)),
         finished=_time(status.completed_at),
         worker=status.executor_id if state != "queued" else None,
         progress=progress if state != "done" else None,

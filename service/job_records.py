@@ -178,6 +178,17 @@ class JobRecords:
                 progress=progress.model_dump_json(),
             )
 
+    def begins(self, jobs: Sequence[str]) -> dict[str, float]:
+        """When jobs were first begun, seconds since 1970; those that never were are left out."""
+        from sqlalchemy import bindparam, text
+
+        if not jobs:
+            return {}
+        asked = text("SELECT job, begun FROM shape_concepts_job WHERE begun IS NOT NULL AND job IN :jobs")
+        with self._engine.connect() as connection:
+            rows = connection.execute(asked.bindparams(bindparam("jobs", expanding=True)), {"jobs": list(jobs)})
+            return {str(job): float(begun) for job, begun in rows}
+
     def progress(self, jobs: Sequence[str]) -> dict[str, Progress]:
         """How far jobs are; those that never began are left out."""
         from sqlalchemy import bindparam, text

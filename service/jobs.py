@@ -13,7 +13,7 @@ import sqlite3
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
@@ -83,7 +83,8 @@ class Jobs:
         """
         chosen = str(uuid.uuid4()) if job_id is None else job_id
         check_id(chosen)
-        with reporting(self.url):
+        conflict = engine().error.DBOSConflictingWorkflowError  # a job of another kind bears the id: told below
+        with reporting(self.url), suppress(conflict):
             prepare(self.url)
             self._client.enqueue(
                 {
@@ -240,7 +241,10 @@ class Jobs:
         with reporting(self.url):
             found = self._client.list_workflows(name=list(KINDS), **which)
             progress = self.records.progress([status.workflow_id for status in found])
-            return [read_job(status, progress.get(status.workflow_id)) for status in found]
+            begun = self.records.begins([each.workflow_id for each in found if each.dequeued_at is None])
+            return [
+                read_job(status, progress.get(status.workflow_id), begun.get(status.workflow_id)) for status in found
+            ]
 
 
 def engine() -> Any:

@@ -276,7 +276,8 @@ def show_proposals(proposals: list[Proposal], *, applied: bool) -> None:
 def show_jobs(jobs: list[Job]) -> None:
     """Prints jobs, a row each."""
     table = Table()
-    for heading in ("job", "state", "makes", "of", "submitted (UTC)", "outcome"):
+    table.add_column("job", no_wrap=True, min_width=max((len(job.id) for job in jobs), default=3))  # to be copied whole
+    for heading in ("state", "makes", "of", "submitted (UTC)", "outcome"):
         table.add_column(heading)
     for job in jobs:
         submitted = f"{job.submitted:%Y-%m-%d %H:%M:%S}"

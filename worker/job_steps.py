@@ -131,9 +131,12 @@ def gather(tell: Tell, spec: TrainSpec, place: Place) -> int:
 
     Raises:
         InvalidParameter: there is no cloud, or a parameter of the simulation is out of its range.
+        DatasetNotFound: a dataset is not there, that of the judge among them: better told now than after the learning.
         RendererUnavailable: SAPIEN cannot render here.
     """
     tell.stage("gathering clouds")
+    if spec.labelled is not None:
+        Datasets(place.store).about(spec.labelled)
     before = spec.extend or spec.parent
     parent = before and "{}:{}".format(*ModelStore(place.store).resolve(before))
     source, files, keys = _source(tell, spec, place, parent), place.files, []

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,6 +52,23 @@ def test_jobs_of_one_state_are_listed(jobs: Jobs) -> None:
     assert [job.id for job in jobs.page(before="b", state="queued").jobs] == ["a"]
     with pytest.raises(JobNotFound):
         jobs.page(before="z")
+
+
+@pytest.mark.parametrize("other", [{"name": "other", "simulate": 2}, {"kind": "simulate", "dataset": "x", "count": 2}])
+def test_another_job_under_the_id_is_refused_whatever_its_kind(jobs: Jobs, other: dict[str, Any]) -> None:
+    jobs.submit(SPEC, "nightly")
+    with pytest.raises(InvalidParameter, match="another job of the id 'nightly'"):
+        jobs.submit(read_spec(other), "nightly")
+    assert [job.spec for job in jobs.page().jobs] == [SPEC]
+
+
+def test_a_cancelled_job_tells_when_it_was_begun(jobs: Jobs) -> None:
+    jobs.submit(SPEC, "nightly")
+    begun = jobs.records.begun("nightly")
+    jobs.cancel("nightly")
+    started = jobs.show("nightly").started
+    assert started is not None
+    assert started.timestamp() == pytest.approx(begun)
 
 
 def test_submitted_twice_under_one_id_it_is_one_job(jobs: Jobs) -> None:

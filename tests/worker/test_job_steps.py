@@ -349,3 +349,10 @@ def test_one_cloud_is_not_enough(tell: Told, place: Place, scans: Path, tmp_path
     gather(tell, alone, place)
     with pytest.raises(NotEnoughSamples):
         learn(tell, alone, place)
+
+
+def test_a_judge_that_is_not_there_is_told_before_anything_is_simulated(
+    spec: TrainSpec, tell: Told, place: Place
+) -> None:
+    with pytest.raises(DatasetNotFound, match="nope"):
+        gather(tell, spec.model_copy(update={"labelled": "nope"}), place)
