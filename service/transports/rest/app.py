@@ -18,6 +18,7 @@ from service.transports.rest import (
     models,
     names,
     observing,
+    page,
     problems,
     responses,
     schedules,
@@ -41,6 +42,7 @@ def create_app(application: Application) -> FastAPI:
     app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
     app.add_middleware(observing.Observing, application=application)
     problems.install(app)
+    app.include_router(page.router())
     app.include_router(health.router(application))
     app.include_router(observing.router(application), dependencies=[access.needing(application, "manage")])
     for module, entering in (

@@ -59,7 +59,7 @@ class TestWithoutStore:
 @pytest.mark.parametrize(
     ("method", "path", "status", "kind"),
     [
-        ("GET", "/", 404, "not-found"),
+        ("GET", "/elsewhere", 404, "not-found"),
         ("GET", "/v1/nothing", 404, "not-found"),
         ("GET", "/v1/responses", 405, "method-not-allowed"),
         ("DELETE", "/v1/models", 405, "method-not-allowed"),
