@@ -145,7 +145,7 @@ class ShapeModel:
             InvalidParameter: the time is out of range.
         """
         spectrum = self.spectrum(time)
-        seen = perceive(cloud, self.params, on_stage)
+        seen = perceive(cloud, self.params, on_stage, unions=self.params.unions_count)
 
         on_stage("stimuli")
         words = self._words(seen, explain)
@@ -188,8 +188,9 @@ class ShapeModel:
 
     def _words(self, seen: Perception, explain: bool) -> NDArray[np.int64]:
         """The visual words of an object's segments (S, n); (0, n) where neither stimuli nor explanation need them."""
-        asked = seen.segment_descriptors if explain or self.params.stimuli.gating == "words" else seen.descriptors[:0]
-        return self.dictionary.words(asked)
+        if explain or self.params.stimuli.gating == "words":
+            return self.dictionary.words(seen.segment_descriptors)
+        return np.zeros((0, len(self.dictionary.levels)), np.int64)
 
     def compare(self, stimuli: Stimuli, spectrum: Spectrum) -> Comparison:
         """How far an object is from the training objects, by its stimuli, and its responses to the concepts."""
