@@ -295,9 +295,9 @@ def occupied_cells(
     voxels = np.empty(count, np.int32)
     for i in range(count):
         x, y, z = np.floor(points[0, i] / size), np.floor(points[1, i] / size), np.floor(points[2, i] / size)
-        key = ((int(x) - low[0]) * wide + int(y) - low[1]) * deep + int(z) - low[2]
-        voxels[i] = key
-        number[key] = 1
+        voxels[i] = ((x - low[0]) * wide + (y - low[1])) * deep + (z - low[2])
+    for voxel in voxels:
+        number[np.uint64(voxel)] = 1
     occupied = 0
     for key in range(len(number)):
         occupied += number[key]
@@ -308,7 +308,7 @@ def occupied_cells(
             keys[occupied], number[key] = key, occupied
             occupied += 1
     for i in range(count):
-        voxels[i] = number[voxels[i]]
+        voxels[i] = number[np.uint64(voxels[i])]
     return voxels, keys, (high[0] - low[0] + 1, wide, deep)
 
 
@@ -330,14 +330,11 @@ def means_of(points: NDArray[np.float64], voxels: NDArray[np.int32], count: int)
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _second_moments(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance (3, 3) of points (3, N) about a centre."""
-    out = np.zeros((3, 3))
-    for a in range(3):
-        for b in range(a + 1):
-            total = 0.0
-            for i in range(points.shape[1]):
-                total += (points[a, i] - centre[a]) * (points[b, i] - centre[b])
-            out[a, b] = out[b, a] = total / points.shape[1]
-    return out
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        x, y, z = points[0, i] - centre[0], points[1, i] - centre[1], points[2, i] - centre[2]
+        xx, xy, xz, yy, yz, zz = xx + x * x, xy + x * y, xz + x * z, yy + y * y, yz + y * z, zz + z * z
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) / points.shape[1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
@@ -345,16 +342,16 @@ def _along(
     points: NDArray[np.float64], centre: NDArray[np.float64], axes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (3, N), seen from a centre, along axes, the columns of (3, 3); and the sums of their cubes (3,)."""
-    out, skew = np.empty_like(points), np.zeros(3)
-    for axis in range(3):
-        u, v, w = axes[0, axis], axes[1, axis], axes[2, axis]
-        total = 0.0
-        for i in range(points.shape[1]):
-            along = (points[0, i] - centre[0]) * u + (points[1, i] - centre[1]) * v + (points[2, i] - centre[2]) * w
-            out[axis, i] = along
-            total += along * along * along
-        skew[axis] = total
-    return out, skew
+    out = np.empty_like(points)
+    first, second, third = 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        x, y, z = points[0, i] - centre[0], points[1, i] - centre[1], points[2, i] - centre[2]
+        u = x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]
+        v = x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]
+        w = x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2]
+        out[0, i], out[1, i], out[2, i] = u, v, w
+        first, second, third = first + u * u * u, second + v * v * v, third + w * w * w
+    return out, np.array([first, second, third])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
