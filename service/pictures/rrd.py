@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 APPLICATION = "shape-concepts"
 WIDEST = 20  # letters of the longest bar
+BEYOND = 0x250  # the viewer's font has all Latin letters before this one
 NEEDED = "A recording (.rrd) needs Rerun: pip install 'shape-concepts[rerun]'. Without it, --html draws the same."
 
 
@@ -65,15 +66,15 @@ def _tab(blueprint: Any, root: str, picture: Picture) -> Any:
     ]
     told = blueprint.TextDocumentView(name="answer", origin=f"{root}/answer")
     if picture.answer is None or picture.answer.explanation is None:
-        return blueprint.Horizontal(blueprint.Tabs(*views), told, column_shares=[2, 1], name=picture.title)
+        return blueprint.Horizontal(blueprint.Tabs(*views), told, column_shares=[2, 1], name=_shown(picture.title))
     later = {path: blueprint.EntityBehavior(visible=False) for path in _motifs(root, picture.answer)[1:]}
     views.append(blueprint.Spatial3DView(name="motifs", origin="/", contents=f"{root}/motifs/**", overrides=later))
     rows = [
-        blueprint.Spatial2DView(name=name, origin=f"{root}/prototypes/{place}")
+        blueprint.Spatial2DView(name=_shown(name), origin=f"{root}/prototypes/{place}")
         for place, (name, _) in enumerate(_rows(picture.answer))
     ]
     beside = blueprint.Vertical(told, blueprint.Grid(*rows, grid_columns=2), row_shares=[3, 2])
-    return blueprint.Horizontal(blueprint.Tabs(*views), beside, column_shares=[3, 2], name=picture.title)
+    return blueprint.Horizontal(blueprint.Tabs(*views), beside, column_shares=[3, 2], name=_shown(picture.title))
 
 
 def _log(stream: rerun.RecordingStream, root: str, picture: Picture) -> None:
@@ -120,7 +121,7 @@ def _text(picture: Picture) -> str:
         f"{100 * answer.extent_m:.1f} cm across, **novelty {answer.novelty:.2f}**"
     )
     rows = [
-        f"| {_plain(called(each))} | {'█' * max(1, round(WIDEST * share))} | {each.response:.2f} |"
+        f"| {_plain(called(each))} | {'=' * round(WIDEST * share)} | {each.response:.2f} |"
         for each, share in zip(answer.concepts[:CONCEPTS], closeness(answer), strict=False)
     ]
     lines.append("\n".join(["| concept | closer | response |", "|---|---|---|", *rows]))
@@ -134,4 +135,9 @@ def _text(picture: Picture) -> str:
 
 def _plain(text: str) -> str:
     """Text without what Markdown would take for marks."""
-    return "".join(f"\\{letter}" if letter in "\\`*_[]<>|#" else letter for letter in text)
+    return "".join(f"\\{letter}" if letter in "\\`*_[]<>|#" else letter for letter in _shown(text))
+
+
+def _shown(text: str) -> str:
+    """Text without letters that the viewer's font lacks: it ends with an error where it meets one."""
+    return "".join(letter if letter.isprintable() and ord(letter) < BEYOND else "?" for letter in text)

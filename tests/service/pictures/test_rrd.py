@@ -1,13 +1,16 @@
-"""The recording that `respond --save` writes, read back by Rerun's own reader."""
+"""The recording that `respond --save` writes, read back by Rerun's own reader, and shown by its viewer."""
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from service.application import Application
 from service.clouds import SceneCloud
@@ -22,7 +25,7 @@ reading = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed"
 @pytest.fixture
 def pictures(application: Application, clouds: list[PointCloud]) -> list[Picture]:
     drawn = []
-    for name, cloud in zip(("mug [1].ply", "box/2.ply"), clouds, strict=False):
+    for name, cloud in zip(("茶碗 [1] | é.ply", "box/2.ply"), clouds, strict=False):
         answer = application.respond(cloud, explain=True, segments=True)
         drawn.append(
             draw_cloud(
@@ -75,3 +78,39 @@ def test_a_file_that_cannot_be_written_is_said_before_anything_is_drawn(
 ) -> None:
     with pytest.raises(OSError, match="missing"):
         write_rrd(pictures, tmp_path / "missing" / "x.rrd")
+
+
+@pytest.mark.slow
+def test_the_viewer_shows_it_whatever_the_clouds_are_called(pictures: list[Picture], tmp_path: Path) -> None:
+    from rerun.experimental import ViewerClient
+
+    write_rrd(pictures, tmp_path / "two.rrd")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "rerun", "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--window-size", "1400x900", "--renderer", "vulkan", str(tmp_path / "two.rrd")]
+    colouring = pictures[0].colourings[0]
+    wanted = np.array(parts(colouring.colours[0]))
+    with (tmp_path / "log").open("w") as log:
+        viewer = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+    try:
+        until, most = time.monotonic() + 60, 0
+        while most < 1000 and time.monotonic() < until:
+            time.sleep(1)
+            if viewer.poll() is not None:
+                said = (tmp_path / "log").read_text()
+                if "panicked" not in said:
+                    pytest.skip(f"no Vulkan driver for the viewer: {said[-300:]}")
+                pytest.fail(said[-3000:])
+            try:
+                ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy").save_screenshot(str(tmp_path / "shot.png"))
+            except (ConnectionError, RuntimeError):
+                continue  # it starts
+            if (tmp_path / "shot.png").exists():
+                image = np.array(Image.open(tmp_path / "shot.png").convert("RGB")).astype(float)
+                length = np.linalg.norm(image, axis=2)
+                most = int(((image @ wanted > 0.99 * length * np.linalg.norm(wanted)) & (length > 60)).sum())
+        assert most >= 1000, (tmp_path / "log").read_text()[-2000:]
+    finally:
+        viewer.terminate()
+        viewer.wait(30)
