@@ -81,7 +81,7 @@ function motifs(picture, viewer) {
   });
   return make(
     "section",
-    { class: "block" },
+    { class: "block late" },
     make("h2", {}, "Why: the motifs that fired"),
     make("p", { class: "pale" }, "Strongest first, each with the training object that it remembers best, and its stimulus. Choose one to see the segments that it covers."),
     make("ul", { class: "motifs" }, ...buttons.map((button) => make("li", {}, button))),
@@ -97,7 +97,7 @@ function times(answer, colours) {
   const legend = stages.map(([stage, time], i) =>
     make("li", {}, make("i", { style: `background:${colours[i % colours.length]}` }), `${stage} ${time.toFixed(1)} ms`),
   );
-  return make("section", { class: "block" }, make("h2", {}, `Time per stage: ${all.toFixed(0)} ms`), make("div", { class: "stages" }, ...parts), make("ul", { class: "legend" }, ...legend));
+  return make("section", { class: "block late" }, make("h2", {}, `Time per stage: ${all.toFixed(0)} ms`), make("div", { class: "stages" }, ...parts), make("ul", { class: "legend" }, ...legend));
 }
 
 function legend(colouring) {
