@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from service.answer import Answer
 from service.clouds import png
 from service.pictures.colours import COLOURS
-from service.pictures.picture import CONCEPTS, Picture, closeness
+from service.pictures.picture import CONCEPTS, Picture, called, closeness
 
 _PARTS = {"style": "picture.css", "viewer": "viewer.js", "panels": "panels.js"}
 _LARGEST = 32_000  # steps from the middle: int16 holds 32,767
@@ -64,7 +64,7 @@ def _told_answer(answer: Answer) -> dict[str, Any]:
         include={"model", "version", "time", "novelty", "segments", "extent_m", "timings_ms", "explanation"}
     )
     listed = [
-        concept.model_dump() | {"closeness": share}
+        concept.model_dump() | {"called": called(concept), "closeness": share}
         for concept, share in zip(answer.concepts[:CONCEPTS], closeness(answer), strict=False)
     ]
     return told | {"of": len(answer.responses), "concepts": listed}

@@ -120,8 +120,8 @@ def draw_scene(
 
 
 def called(concept: Concept | LearnedConcept) -> str:
-    """What a concept is called: by the name that people gave it, else by its number."""
-    return concept.name or f"concept {concept.id}"
+    """What a concept is called: by the name that people gave it, which others may share, and by its number."""
+    return f"{concept.name} ({concept.id})" if concept.name else f"concept {concept.id}"
 
 
 def motif(fired: FiredVertex) -> str:

@@ -18,7 +18,7 @@ function concepts(answer) {
     make(
       "li",
       { title: `distance ${concept.distance.toFixed(3)} (Eq. 4), ${concept.prototypes} prototypes, time ${concept.time.toFixed(2)}` },
-      make("span", { class: "name" }, concept.name || `concept ${concept.id}`),
+      make("span", { class: "name" }, concept.called),
       bar(concept.closeness),
       make("span", {}, concept.response.toFixed(2)),
     ),
@@ -45,7 +45,7 @@ function thumbnails(near, picture) {
 
 function prototypes(picture) {
   const why = picture.answer.explanation;
-  const names = new Map(picture.answer.concepts.map((concept) => [concept.id, concept.name]));
+  const names = new Map(picture.answer.concepts.map((concept) => [concept.id, concept.called]));
   const best = why.concepts.flatMap((concept) => [
     make("h3", {}, names.get(concept.id) || `concept ${concept.id}`),
     thumbnails(concept.nearest, picture),
