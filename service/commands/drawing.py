@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import click
 
 from service.answer import Answer
 from service.application import Application, CloudFile
-from service.catalogue import ConceptList
 from service.clouds import read_scene
 from service.pictures.html import write_html
+from service.pictures.learnt import Learnt
 from service.pictures.picture import Picture, draw_cloud, draw_scene
 from service.pictures.rrd import check_rerun, write_rrd
 from service.scene_answer import SceneAnswer
@@ -66,12 +66,17 @@ class Drawing:
             max_points=application.settings.max_points,
         )
         title = "standard input" if cloud.name == "-" else Path(cloud.name).name
-        concepts = partial(_concepts, application)
+
+        @cache
+        def learnt(time: float) -> Learnt:
+            which = (answer.model, answer.version)
+            return Learnt(application.concepts(*which, time), application.annexations(*which))
+
         thumbnail = partial(application.thumbnail, answer.model, answer.version)
         if isinstance(answer, SceneAnswer):
-            self._pictures += draw_scene(title, sent, answer, concepts, thumbnail)
+            self._pictures += draw_scene(title, sent, answer, lambda of: learnt(of.time), thumbnail)
         else:
-            self._pictures.append(draw_cloud(title, sent, answer, concepts, thumbnail))
+            self._pictures.append(draw_cloud(title, sent, answer, lambda of: learnt(of.time), thumbnail))
 
     def write(self) -> None:
         """Writes what was drawn, and says so; nothing where no cloud was answered.
@@ -104,7 +109,3 @@ def as_asked(answer: Answer | SceneAnswer, *, explain: bool, segments: bool) -> 
         for one in answer.objects
     ]
     return answer.model_copy(update={"objects": objects} | ({} if segments else {"point_objects": None}))
-
-
-def _concepts(application: Application, answer: Answer) -> ConceptList:
-    return application.concepts(answer.model, answer.version, answer.time)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from service.answer import Answer
 from service.clouds import png
-from service.pictures.colours import COLOURS
-from service.pictures.picture import CONCEPTS, Picture, called, closeness
+from service.pictures.colours import FIRST
+from service.pictures.learnt import called, motif
+from service.pictures.picture import CONCEPTS, Picture
 
 _PARTS = {"style": "picture.css", "viewer": "viewer.js", "panels": "panels.js"}
 _LARGEST = 32_000  # steps from the middle: int16 holds 32,767
@@ -24,7 +25,7 @@ _LARGEST = 32_000  # steps from the middle: int16 holds 32,767
 def write_html(pictures: Sequence[Picture]) -> str:
     """The page: a panel for each picture, to be turned, coloured and questioned."""
     page = files("service.pictures") / "page"
-    data = {"pictures": [_told(picture) for picture in pictures], "colours": COLOURS}
+    data = {"pictures": [_told(picture) for picture in pictures], "colours": FIRST}
     # A file may be called "</script>": in JSON, all of these letters may be written as numbers.
     text = json.dumps(data).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     parts = {name: (page / file).read_text("utf-8") for name, file in _PARTS.items()}
@@ -55,19 +56,21 @@ def _told(picture: Picture) -> dict[str, Any]:
             number: "data:image/png;base64," + base64.b64encode(png.write(image)).decode()
             for number, image in picture.thumbnails.items()
         },
-        "answer": picture.answer and _told_answer(picture.answer),
+        "answer": picture.answer and _told_answer(picture, picture.answer),
     }
 
 
-def _told_answer(answer: Answer) -> dict[str, Any]:
+def _told_answer(picture: Picture, answer: Answer) -> dict[str, Any]:
     told = answer.model_dump(
         include={"model", "version", "time", "novelty", "segments", "extent_m", "timings_ms", "explanation"}
     )
+    drawn = zip(answer.concepts[:CONCEPTS], picture.bars, picture.concept_colours, strict=False)
     listed = [
-        concept.model_dump() | {"called": called(concept), "closeness": share}
-        for concept, share in zip(answer.concepts[:CONCEPTS], closeness(answer), strict=False)
+        concept.model_dump() | {"called": called(concept), "closeness": share, "colour": colour}
+        for concept, share, colour in drawn
     ]
-    return told | {"of": len(answer.responses), "concepts": listed}
+    fired = [motif(vertex) for vertex in answer.explanation.vertices] if answer.explanation else []
+    return told | {"of": len(answer.responses), "concepts": listed, "motifs": fired}
 
 
 def _packed(values: NDArray[Any], kind: str) -> str:

@@ -16,8 +16,9 @@ import numpy as np
 from service.answer import Answer
 from service.engine.errors import InvalidParameter
 from service.explanation import Likeness
-from service.pictures.colours import ABSENT, COLOURS, parts
-from service.pictures.picture import CONCEPTS, Picture, called, closeness, motif
+from service.pictures.colours import ABSENT, FIRST, parts
+from service.pictures.learnt import called, motif
+from service.pictures.picture import CONCEPTS, Picture
 
 if TYPE_CHECKING:
     import rerun
@@ -93,7 +94,7 @@ def _log(stream: rerun.RecordingStream, root: str, picture: Picture) -> None:
         stream.log(f"{root}/prototypes/{place}", rerun.Image(image), static=True)
     for path, fired in zip(_motifs(root, picture.answer), picture.answer.explanation.vertices, strict=True):
         covered = np.isin(picture.segments, fired.segments)
-        colours = np.where(covered[:, None], parts(COLOURS[0]), parts(ABSENT)).astype(np.uint8)
+        colours = np.where(covered[:, None], parts(FIRST[0]), parts(ABSENT)).astype(np.uint8)
         stream.log(path, rerun.Points3D(picture.points, colors=colours, radii=0.6 * picture.spacing), static=True)
 
 
@@ -122,7 +123,7 @@ def _text(picture: Picture) -> str:
     )
     rows = [
         f"| {_plain(called(each))} | {'=' * round(WIDEST * share)} | {each.response:.2f} |"
-        for each, share in zip(answer.concepts[:CONCEPTS], closeness(answer), strict=False)
+        for each, share in zip(answer.concepts[:CONCEPTS], picture.bars, strict=False)
     ]
     lines.append("\n".join(["| concept | closer | response |", "|---|---|---|", *rows]))
     if answer.explanation:

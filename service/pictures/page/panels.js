@@ -19,16 +19,16 @@ function concepts(answer) {
       "li",
       { title: `distance ${concept.distance.toFixed(3)} (Eq. 4), ${concept.prototypes} prototypes, time ${concept.time.toFixed(2)}` },
       make("span", { class: "name" }, concept.called),
-      bar(concept.closeness),
+      bar(concept.closeness, concept.colour),
       make("span", {}, concept.response.toFixed(2)),
     ),
   );
-  const note = `The longer the bar, the closer: none where a concept is no closer than the mean of all. The number is the response, smaller is closer. The first ${rows.length} of ${answer.of} concepts.`;
+  const note = `The longer the bar, the closer; the number is the response, smaller is closer. The first ${rows.length} of ${answer.of} concepts.`;
   return make("section", { class: "block" }, make("h2", {}, "Concepts, best first"), make("ol", { class: "bars" }, ...rows), make("p", { class: "pale", style: "margin-top:8px" }, note));
 }
 
 function novelty(answer) {
-  const said = answer.novelty >= 0.95 ? "farther from all that was learned than nearly all of that is from one another" : "0: like what was learned; 1: unlike anything";
+  const said = answer.novelty >= 0.95 ? "unlike what was learned" : answer.novelty >= 0.75 ? "rather new" : "like what was learned";
   const row = make("li", {}, make("span", {}, answer.novelty.toFixed(2)), bar(answer.novelty), make("span", {}));
   return make("section", { class: "block" }, make("h2", {}, "Novelty"), make("ol", { class: "bars" }, row), make("p", { class: "pale", style: "margin:6px 0 0" }, said));
 }
@@ -63,13 +63,12 @@ function prototypes(picture) {
 
 function motifs(picture, viewer) {
   const fired = picture.answer.explanation.vertices;
-  const buttons = fired.map((vertex) => {
-    const of = vertex.segments.length === 1 ? `segment ${vertex.segments[0]}` : `segments ${vertex.segments.join(", ")}`;
+  const buttons = fired.map((vertex, place) => {
     const button = make(
       "button",
       { type: "button", "aria-pressed": "false", title: `vertex ${vertex.vertex} of H_${vertex.hierarchy}; words ${vertex.words.join(", ")}; ${vertex.prototypes} motif prototypes` },
       make("img", { src: picture.thumbnails[vertex.nearest[0].object], alt: vertex.nearest[0].key, width: 36, height: 36 }),
-      make("span", { class: "name" }, `${of}, motif level ${vertex.level}`),
+      make("span", { class: "name" }, picture.answer.motifs[place]),
       make("span", {}, vertex.stimulus.toFixed(3)),
     );
     button.addEventListener("click", () => {

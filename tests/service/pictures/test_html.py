@@ -21,6 +21,7 @@ from service.engine.cloud import PointCloud
 from service.pictures.colours import parts
 from service.pictures.html import write_html
 from service.pictures.picture import Picture, draw_cloud
+from tests.service.pictures.test_picture import learnt
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -32,7 +33,7 @@ def picture(application: Application, clouds: list[PointCloud]) -> Picture:
         "mug.ply",
         SceneCloud(clouds[0]),
         answer,
-        lambda told: application.concepts(told.model, told.version, told.time),
+        lambda told: learnt(application, told),
         lambda number: application.thumbnail(answer.model, answer.version, number),
     )
 
@@ -154,4 +155,4 @@ class TestInABrowser:
         choose = f"<script>{height}.click()</script></body>"
         dom = browse(write_html([picture]).replace("</body>", choose), tmp_path, "--dump-dom").stdout
         assert re.search(r'aria-pressed="true">height', dom)
-        assert "cm up" in dom
+        assert re.search(r"low<i [^>]*></i>high, [0-9.]+ cm", dom)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -11,8 +12,10 @@ from service.answer import Answer
 from service.application import Application
 from service.clouds import SceneCloud, Viewpoint
 from service.engine.cloud import PointCloud
-from service.pictures.colours import ABSENT, COLOURS, colour, parts, scale
-from service.pictures.picture import MOST_POINTS, Picture, closeness, draw_cloud, draw_scene
+from service.engine.model import ShapeModel
+from service.pictures.colours import ABSENT, colour, parts, scale
+from service.pictures.learnt import Learnt
+from service.pictures.picture import MOST_POINTS, Picture, draw_cloud, draw_scene
 from tests.service.tabletop.seen import set_table
 
 
@@ -23,9 +26,14 @@ def drawn(application: Application, sent: SceneCloud) -> Picture:
 
 def tells(application: Application, answer: Answer) -> tuple[Callable, Callable]:
     return (
-        lambda told: application.concepts(told.model, told.version, told.time),
+        lambda told: learnt(application, told),
         lambda number: application.thumbnail(answer.model, answer.version, number),
     )
+
+
+def learnt(application: Application, answer: Answer) -> Learnt:
+    which = (answer.model, answer.version)
+    return Learnt(application.concepts(*which, answer.time), application.annexations(*which))
 
 
 def by(picture: Picture) -> dict[str, list[str]]:
@@ -128,18 +136,32 @@ def test_an_object_that_could_not_be_answered_is_drawn_with_the_reason(applicati
     assert (picture.answer, picture.notes) == (None, ("Not answered: it is too flat",))
 
 
-def test_the_best_of_all_concepts_has_the_whole_bar_and_the_average_one_none(
+def test_of_an_answers_time_the_closest_concept_has_the_whole_bar_and_the_farthest_none(
     application: Application, clouds: list[PointCloud]
 ) -> None:
     answer = application.respond(clouds[0])
-    shares = dict(zip([concept.response for concept in answer.concepts], closeness(answer), strict=True))
-    assert all(0 <= share <= 1 for share in shares.values())
-    assert shares[min(answer.responses)] == 1
-    assert all(share == 0 for response, share in shares.items() if response > np.mean(answer.responses))
+    known = learnt(application, answer)
+    bars = known.closeness(answer)
+    assert all(0 <= bar <= 1 for bar in bars)
+    own = [(concept, bar) for concept, bar in zip(answer.concepts, bars, strict=True) if concept.time == answer.time]
+    assert len(own) == len(known.concepts.concepts)
+    assert [bar for _, bar in own] == sorted((bar for _, bar in own), reverse=True)
+    assert own[0][1] == 1
+    assert own[-1][1] == (0 if len(own) > 1 else 1)
+
+
+def test_a_concept_keeps_its_colour_when_it_takes_smaller_ones_in(application: Application, model: ShapeModel) -> None:
+    size, graph = model.stimuli.shape[0], application.annexations("tiny", 1)
+    known = Learnt(application.concepts("tiny", 1, 1.0), graph)
+    annexing = {size + place: edge[1] for place, edge in zip(graph.order, graph.edges, strict=True)}
+    for one, other in itertools.combinations(annexing, 2):
+        same = known.colours([one]) == known.colours([other])
+        assert same == (annexing[one] == annexing[other])
+    assert known.colours([max(annexing)]) == (colour(0),)
 
 
 def test_many_numbers_have_colours_of_their_own() -> None:
-    every = [colour(number) for number in range(3 * len(COLOURS))]
+    every = [colour(number) for number in range(64)]
     assert len({*every, ABSENT}) == len(every) + 1
     lights = [0.2126 * r + 0.7152 * g + 0.0722 * b for r, g, b in map(parts, scale())]
     assert lights == sorted(lights)

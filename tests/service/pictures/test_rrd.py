@@ -18,6 +18,7 @@ from service.engine.cloud import PointCloud
 from service.pictures.colours import parts
 from service.pictures.picture import Picture, draw_cloud
 from service.pictures.rrd import write_rrd
+from tests.service.pictures.test_picture import learnt
 
 reading = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
 
@@ -32,7 +33,7 @@ def pictures(application: Application, clouds: list[PointCloud]) -> list[Picture
                 name,
                 SceneCloud(cloud),
                 answer,
-                lambda told: application.concepts(told.model, told.version, told.time),
+                lambda told: learnt(application, told),
                 lambda number: application.thumbnail("tiny", 1, number),
             )
         )
