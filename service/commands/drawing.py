@@ -50,6 +50,8 @@ class Drawing:
         for file in (html, save):
             if file and not file.parent.is_dir():
                 raise click.BadParameter(f"There is no folder '{file.parent}'; make it first.", param_hint=option)
+            if file and not os.access(file if file.exists() else file.parent, os.W_OK):
+                raise click.BadParameter(f"'{file}' cannot be written; give another place.", param_hint=option)
         if save:
             check_rerun()
 
@@ -82,10 +84,18 @@ class Drawing:
         """Writes what was drawn, and says so; nothing where no cloud was answered.
 
         Raises:
-            OSError: a file cannot be written.
+            click.ClickException: a file cannot be written.
         """
         if not self._pictures:
             return
+        try:
+            self._write()
+        except OSError as error:
+            raise click.ClickException(
+                f"The picture cannot be written: {error.strerror or error}. Give another place."
+            ) from error
+
+    def _write(self) -> None:
         if self._html:
             unfinished = self._html.with_name(f".{self._html.name}.{os.getpid()}")
             try:
