@@ -52,7 +52,7 @@ def in_words(error: ShapeConceptsError) -> str:
     said = re.sub(r"\[Single\((\S+)\)\]! *$", r"\1.", said)  # zenoh's way to list endpoints
     advice = [sentence for part, sentence in ADVICE.items() if part in said]
     advice += [f"{command} shows which there are." for kind, command in LISTS.items() if isinstance(error, kind)]
-    return " ".join([said, *advice])
+    return " ".join([said if said.endswith((".", "?")) or not advice else f"{said}.", *advice])
 
 
 def examples(*commands: str) -> str:

@@ -488,7 +488,7 @@ def test_a_port_in_use_is_said_before_anything_is_loaded(folder: Path) -> None:
             result = run("serve", *arguments, "--store", "/nowhere")
             assert result.exit_code == 1
             (line,) = result.stderr.splitlines()
-            assert f"Port {port} of 127.0.0.1 is in use" in line
+            assert f"Port {port} of 127.0.0.1: address already in use" in line
             assert f"with {option};" in line
 
 
