@@ -32,6 +32,7 @@ from service.engine.model import OnStage, ignore_stage
 from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
+from service.looking import Looking
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -118,6 +119,7 @@ class Application:
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
+        self.looking = Looking(self._choosing, self.datasets.store)
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
         self.telemetry.metrics.watch(self._state)
@@ -231,6 +233,14 @@ class Application:
                     self.telemetry.answered(answer)
                     answers.append(answer)
         return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+
+    def read(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None = None) -> clouds.SceneCloud:
+        """The points of a cloud, as `respond_scene` reads it. Runs on the caller's thread.
+
+        Raises:
+            ShapeConceptsError: one of its children, saying what is wrong with the cloud.
+        """
+        return self._scene(cloud, max_points)
 
     def concept_order(self, name: str, version: int, time: float | None = None) -> ConceptOrder:
         """Which concepts the responses of a version's answers are to.
@@ -350,12 +360,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._choosing.meant(name, version).model().prototypes.thumbnails
-        if not 0 <= number < len(thumbnails):
-            raise InvalidParameter(
-                f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
-            )
-        return thumbnails[number]
+        return self.looking.thumbnail(name, version, number)
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
         """All that each alias of a model has meant, oldest first.

@@ -31,6 +31,6 @@ def check_free(host: str, port: int, option: str) -> None:
         if error.errno != errno.EADDRINUSE:
             return
         raise click.ClickException(
-            f"Port {port} of {host}: address already in use, perhaps by another shape-concepts serve. End that, or give "
-            f"another one with {option}; 0 takes any free one."
+            f"Port {port} of {host}: address already in use, perhaps by another shape-concepts serve. End that, or "
+            f"give another one with {option}; 0 takes any free one."
         ) from None

@@ -59,7 +59,7 @@ class TestWithoutStore:
 @pytest.mark.parametrize(
     ("method", "path", "status", "kind"),
     [
-        ("GET", "/", 404, "not-found"),
+        ("GET", "/elsewhere", 404, "not-found"),
         ("GET", "/v1/nothing", 404, "not-found"),
         ("GET", "/v1/responses", 405, "method-not-allowed"),
         ("DELETE", "/v1/models", 405, "method-not-allowed"),
@@ -175,7 +175,7 @@ def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
                 assert parameter["description"], parameter["name"]
 
 
-HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names")
+HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names", "/labels")
 
 
 def asked_of_datasets(client: httpx.Client, cloud: str) -> dict[str, httpx.Response]:
