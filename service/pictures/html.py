@@ -1,9 +1,13 @@
-"""Pictures as one HTML file that needs no other file, no network and no library: `respond --html`."""
+"""Pictures as one HTML file that needs no other file, no network and no library: `respond --html`.
+
+What draws clouds on the service's page draws them here: its modules are part of the file.
+"""
 
 from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
@@ -18,7 +22,8 @@ from service.pictures.colours import FIRST
 from service.pictures.learnt import called, motif
 from service.pictures.picture import CONCEPTS, Picture
 
-_PARTS = {"style": "picture.css", "viewer": "viewer.js", "panels": "panels.js"}
+_PARTS = {"style": "picture.css", "panels": "panels.js"}
+_MODULES = ("cloud_view", "colours", "elements", "orbit", "splats")  # of the service's page
 _LARGEST = 32_000  # steps from the middle: int16 holds 32,767
 
 
@@ -29,7 +34,15 @@ def write_html(pictures: Sequence[Picture]) -> str:
     # A file may be called "</script>": in JSON, all of these letters may be written as numbers.
     text = json.dumps(data).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     parts = {name: (page / file).read_text("utf-8") for name, file in _PARTS.items()}
-    return Template((page / "picture.html").read_text("utf-8")).substitute(parts, data=text)
+    modules = json.dumps({"imports": {name: _module(name) for name in _MODULES}})
+    return Template((page / "picture.html").read_text("utf-8")).substitute(parts, data=text, modules=modules)
+
+
+def _module(name: str) -> str:
+    """The address of a module, which is the module itself; others are imported by their names."""
+    text = (files("service") / "web" / "parts" / f"{name}.js").read_text("utf-8")
+    named = re.sub(r'from "\./(\w+)\.js"', r'from "\1"', text)
+    return "data:text/javascript;base64," + base64.b64encode(named.encode()).decode()
 
 
 def _told(picture: Picture) -> dict[str, Any]:
@@ -39,7 +52,6 @@ def _told(picture: Picture) -> dict[str, Any]:
         "title": picture.title,
         "notes": picture.notes,
         "of": picture.of,
-        "spacing": picture.spacing,
         "step": step,
         "points": _packed(np.rint((picture.points - (low + high) / 2) / step), "<i2"),
         "segments": _packed(picture.segments, "<i2"),

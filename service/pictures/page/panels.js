@@ -1,14 +1,17 @@
-// What stands beside a cloud: the concepts that it resembles, why, and how long it took. Text is always set as text.
+// A cloud, and what stands beside it: the concepts that it resembles, why, and how long it took. The modules are those of
+// the service's page. Text is always set as text.
+import { CloudView } from "cloud_view";
+import { toPixel } from "colours";
+import { h as make } from "elements";
 
-function make(kind, attributes = {}, ...children) {
-  const element = document.createElement(kind);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-  element.append(...children.filter((child) => child !== null));
-  return element;
+function unpack(text, Type) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Type(bytes.buffer);
 }
 
 function bar(share, colour) {
-  const filled = make("i", { style: `width:${(100 * share).toFixed(1)}%` });
+  const filled = make("i");
+  filled.style.width = `${(100 * share).toFixed(1)}%`;
   if (colour) filled.style.background = colour;
   return make("span", { class: "bar" }, filled);
 }
@@ -61,7 +64,7 @@ function prototypes(picture) {
   );
 }
 
-function motifs(picture, viewer) {
+function motifs(picture, highlight) {
   const fired = picture.answer.explanation.vertices;
   const buttons = fired.map((vertex, place) => {
     const button = make(
@@ -74,7 +77,7 @@ function motifs(picture, viewer) {
     button.addEventListener("click", () => {
       const on = button.getAttribute("aria-pressed") !== "true";
       for (const other of buttons) other.setAttribute("aria-pressed", String(on && other === button));
-      viewer.highlight(on ? vertex.segments : null);
+      highlight(on ? vertex.segments : null);
     });
     return button;
   });
@@ -99,47 +102,51 @@ function times(answer, colours) {
   return make("section", { class: "block late" }, make("h2", {}, `Time per stage: ${all.toFixed(0)} ms`), make("div", { class: "stages" }, ...parts), make("ul", { class: "legend" }, ...legend));
 }
 
-function legend(colouring) {
+function legend(colouring, used) {
   if (colouring.by === "height") {
     const ends = make("i", { style: `background:linear-gradient(90deg, ${colouring.colours.join(", ")})` });
     return [make("li", { class: "scale" }, colouring.labels[0], ends, colouring.labels[1])];
   }
-  const used = new Set(colouring.places);
-  return colouring.labels.map((label, place) => (used.has(place) ? make("li", {}, make("i", { style: `background:${colouring.colours[place]}` }), label) : null));
+  return colouring.labels.flatMap((label, place) => (used.has(place) ? [make("li", {}, make("i", { style: `background:${colouring.colours[place]}` }), label)] : []));
 }
 
 function cloud(picture) {
-  const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": `The cloud of ${picture.title}: drag or use the arrow keys to turn it, + and - to come nearer.` });
-  const viewer = new Viewer(canvas, picture);
+  const view = new CloudView({ label: `The cloud of ${picture.title}` });
+  view.setPoints(Float32Array.from(unpack(picture.points, Int16Array), (steps) => steps * picture.step));
+  const segments = unpack(picture.segments, Int16Array);
+  const highlight = (chosen) => view.setHighlight(chosen && Uint8Array.from(segments, (segment) => chosen.includes(segment)));
   const keys = make("ul", { class: "legend" });
   const buttons = picture.colourings.map((colouring) => {
-    const button = make("button", { type: "button" }, colouring.by);
-    colouring.places = unpack(colouring.values, Uint16Array);
-    button.addEventListener("click", () => {
+    const places = unpack(colouring.values, Uint16Array);
+    const pixels = colouring.colours.map(toPixel);
+    const colours = Uint32Array.from(places, (place) => pixels[place]);
+    const used = new Set(places);
+    const choose = () => {
       for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
-      viewer.colour(colouring.places, colouring.colours);
-      keys.replaceChildren(...legend(colouring).filter((item) => item !== null));
-    });
+      view.setColours(colours);
+      keys.replaceChildren(...legend(colouring, used));
+    };
+    const button = make("button", { type: "button", click: choose }, colouring.by);
     return button;
   });
   buttons[0].click();
-  const shown = picture.of > viewer.count ? `${viewer.count} of ${picture.of} points are drawn. ` : `${picture.of} points. `;
+  const shown = picture.of > segments.length ? `${segments.length} of ${picture.of} points are drawn. ` : `${picture.of} points. `;
   const block = make(
     "section",
     { class: "block" },
-    make("div", { class: "choices", role: "group", "aria-label": "Colour by" }, make("span", { class: "pale" }, "Colour by"), ...buttons),
-    make("div", { class: "view" }, canvas),
+    make("div", { class: "choices", role: "group", "aria-label": "Coloured by" }, make("span", { class: "pale" }, "Coloured by"), buttons),
+    view.element,
     keys,
-    make("p", { class: "pale", style: "margin:8px 0 0" }, `${shown}Drag or arrow keys turn, + and - or pinching zoom, Home goes back.`),
+    make("p", { class: "pale" }, `${shown}Drag or arrow keys turn, shift-drag moves, + and - or pinching zoom, Home goes back.`),
   );
-  return [block, viewer];
+  return [block, highlight];
 }
 
 function panel(picture, colours) {
   const answer = picture.answer;
   const said = answer && `${answer.model}:${answer.version} at time ${answer.time.toFixed(2)}: ${answer.segments} segments, ${(100 * answer.extent_m).toFixed(1)} cm across`;
-  const [block, viewer] = cloud(picture);
-  const left = make("div", {}, block, answer && motifs(picture, viewer), answer && times(answer, colours));
+  const [block, highlight] = cloud(picture);
+  const left = make("div", {}, block, answer && motifs(picture, highlight), answer && times(answer, colours));
   const right = answer && make("div", {}, concepts(answer), novelty(answer), prototypes(picture));
   return [
     make("h1", {}, picture.title),

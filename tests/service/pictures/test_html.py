@@ -6,10 +6,9 @@ import base64
 import io
 import json
 import re
-import shutil
-import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -21,9 +20,17 @@ from service.engine.cloud import PointCloud
 from service.pictures.colours import parts
 from service.pictures.html import write_html
 from service.pictures.picture import Picture, draw_cloud
+from tests.acceptance.browsing import DESKTOP, PHONE, Visit, chromium
+from tests.acceptance.browsing import picture as shown
 from tests.service.pictures.test_picture import learnt
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+DRAWN = """() => [...document.querySelectorAll("canvas")].every((canvas) => {
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    return new Set(new Uint32Array(pixels.buffer)).size > 50;
+})"""
 
 
 @pytest.fixture
@@ -66,93 +73,118 @@ def test_the_answer_is_told_as_it_is(picture: Picture) -> None:
 def test_it_asks_for_nothing_from_anywhere(picture: Picture) -> None:
     page = write_html([picture])
     assert "default-src 'none'" in page
-    assert not re.search(r"https?://|//cdn|@import|<link|<script src", page)
+    assert not re.search(r"https?://|//cdn|@import|<link|<script src", page.replace("http://www.w3.org/2000/svg", ""))
 
 
 def test_a_files_name_cannot_become_a_script(picture: Picture) -> None:
     hostile = "</script><script>document.title='taken'</script>&amp;.ply"
     renamed = Picture(**(vars(picture) | {"title": hostile}))
     page = write_html([renamed])
-    assert page.lower().count("</script>") == 2
+    assert page.lower().count("</script>") == 3
     assert data(page)["pictures"][0]["title"] == hostile
 
 
-def browse(page: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Opens a page in Chromium, without a network to speak of."""
-    file = folder / "page.html"
-    file.write_text(page, encoding="utf-8")
-    assert CHROMIUM is not None
-    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1280,1400"]
-    command += ["--virtual-time-budget=3000", "--proxy-server=127.0.0.1:9", f"--user-data-dir={folder / 'profile'}"]
-    return subprocess.run(
-        [*command, *arguments, file.as_uri()], check=True, capture_output=True, text=True, timeout=120
-    )
-
-
 def count(file: Path, colour: tuple[int, ...]) -> int:
-    """Pixels of a screenshot whose hue is that of a colour, however dark they are."""
+    """Pixels of a screenshot whose hue is that of a colour, however it is lit."""
     image = np.array(Image.open(file).convert("RGB")).astype(float)
     own = np.array(colour) / np.linalg.norm(colour)
     length = np.linalg.norm(image, axis=2)
-    return int(((image @ own > 0.999 * length) & (length > 60)).sum())
+    return int(((image @ own > 0.998 * length) & (length > 60)).sum())
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def visit(browser: Browser, picture: Picture, tmp_path: Path) -> Iterator[Callable[..., Visit]]:
+    """Opens a page of two pictures; in the end the browser had nothing to complain about, nor asked for anything."""
+    (tmp_path / "page.html").write_text(write_html([picture, picture]), encoding="utf-8")
+    opened: list[Visit] = []
+
+    def opening(size: tuple[int, int] = DESKTOP, scheme: str = "light") -> Visit:
+        opened.append(Visit(browser, tmp_path.as_uri(), size, scheme))
+        page = opened[-1].open("page.html")
+        page.wait_for_function(DRAWN)
+        return opened[-1]
+
+    yield opening
+    for one in opened:
+        one.check()
+        one.close()
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 class TestInABrowser:
-    """What a person sees."""
+    """What a person sees and does."""
 
-    def test_the_cloud_is_drawn_in_the_colours_of_its_segments_by_day_and_by_night(
-        self, picture: Picture, tmp_path: Path
+    @pytest.mark.parametrize("scheme", ["light", "dark"])
+    def test_the_cloud_is_drawn_in_the_colours_of_its_segments(
+        self, visit: Callable[..., Visit], picture: Picture, tmp_path: Path, scheme: str
     ) -> None:
+        visit(scheme=scheme).page.screenshot(path=tmp_path / "shot.png")
         segments = picture.colourings[0]
-        shown = np.unique(segments.values[picture.segments >= 0])
-        for scheme in ("1", "0"):  # light, dark
-            shot = tmp_path / f"{scheme}.png"
-            browse(
-                write_html([picture]),
-                tmp_path,
-                f"--blink-settings=preferredColorScheme={scheme}",
-                f"--screenshot={shot}",
-            )
-            for place in shown.tolist():
-                assert count(shot, parts(segments.colours[place])) > 100, segments.labels[place]
-            ground = np.array(Image.open(shot).convert("L"))[-5, 5]
-            assert (ground > 200) == (scheme == "1")
+        for place in np.unique(segments.values[picture.segments >= 0]).tolist():
+            assert count(tmp_path / "shot.png", parts(segments.colours[place])) > 100, segments.labels[place]
+        ground = np.array(Image.open(tmp_path / "shot.png").convert("L"))[-5, 5]
+        assert (ground > 200) == (scheme == "light")
 
-    def test_concepts_prototypes_motifs_and_stages_stand_beside_it(self, picture: Picture, tmp_path: Path) -> None:
+    def test_concepts_prototypes_motifs_and_stages_stand_beside_it(
+        self, visit: Callable[..., Visit], picture: Picture
+    ) -> None:
         answer = picture.answer
         assert answer is not None
         assert answer.explanation is not None
-        dom = browse(write_html([picture, picture]), tmp_path, "--dump-dom").stdout
-        assert dom.count('class="motifs"') == dom.count("<canvas") == 2
-        for concept in answer.concepts[:10]:
-            assert f"concept {concept.id}</span>" in dom
-        assert dom.count('aria-pressed="false"') >= 2 * len(answer.explanation.vertices)
+        page = visit().page
+        panel = page.locator(".panel").first
+        assert page.locator(".panel canvas").count() == 2
+        named = panel.locator(".bars .name").all_inner_texts()
+        assert named == [f"concept {concept.id}" for concept in answer.concepts[:10]]
+        assert panel.locator(".motifs button").count() == len(answer.explanation.vertices)
         for stage, time in answer.timings_ms.items():
-            assert f"{stage} {time:.1f} ms" in dom
-        assert "noscript" not in dom.partition('id="pictures"')[2].partition("</main>")[0]
+            assert panel.get_by_text(f"{stage} {time:.1f} ms", exact=True).count() == 1
+        loaded = page.evaluate("[...document.images].every((image) => image.naturalWidth === 48)")
+        assert (loaded, page.locator("img").count() > 10) == (True, True)
 
-    def test_a_motif_that_is_chosen_pales_all_other_segments(self, picture: Picture, tmp_path: Path) -> None:
+    def test_a_motif_that_is_chosen_pales_all_other_segments(
+        self, visit: Callable[..., Visit], picture: Picture, tmp_path: Path
+    ) -> None:
         answer = picture.answer
         assert answer is not None
         assert answer.explanation is not None
         covered = answer.explanation.vertices[0].segments
         others = [k for k in range(answer.segments) if k not in covered]
         assert others, "the object of this test has several segments"
-        choose = "<script>document.querySelector('.motifs button').click()</script></body>"
+        page = visit().page
         counts = []
-        for page in (write_html([picture]), write_html([picture]).replace("</body>", choose)):
-            browse(page, tmp_path, f"--screenshot={tmp_path / 'shot.png'}")
-            counts.append(
-                [count(tmp_path / "shot.png", parts(picture.colourings[0].colours[k])) for k in (others[0], covered[0])]
-            )
+        for name in ("before.png", "after.png"):
+            page.locator("canvas").first.screenshot(path=tmp_path / name)
+            own = (parts(picture.colourings[0].colours[k]) for k in (others[0], covered[0]))
+            counts.append([count(tmp_path / name, colour) for colour in own])
+            page.locator(".motifs button").first.click()
+            page.wait_for_timeout(300)
         assert counts[1][0] < 0.5 * counts[0][0]
         assert counts[1][1] > 0.9 * counts[0][1]
 
-    def test_the_colours_can_be_changed(self, picture: Picture, tmp_path: Path) -> None:
-        height = "[...document.querySelectorAll('button')].find((button) => button.textContent === 'height')"
-        choose = f"<script>{height}.click()</script></body>"
-        dom = browse(write_html([picture]).replace("</body>", choose), tmp_path, "--dump-dom").stdout
-        assert re.search(r'aria-pressed="true">height', dom)
-        assert re.search(r"low<i [^>]*></i>high, [0-9.]+ cm", dom)
+    def test_the_cloud_is_coloured_and_turned_by_mouse_and_by_keys(self, visit: Callable[..., Visit]) -> None:
+        page = visit().page
+        seen = [shown(page, "canvas")]
+        page.get_by_role("button", name="height").first.click()
+        assert re.match(r"low\s*high, [0-9.]+ cm", page.locator(".legend").first.inner_text())
+        page.wait_for_timeout(300)
+        seen.append(shown(page, "canvas"))
+        page.locator("canvas").first.focus()
+        page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(300)
+        seen.append(shown(page, "canvas"))
+        assert len(set(seen)) == 3
+
+    def test_on_a_phone_nothing_is_wider_than_the_screen(self, visit: Callable[..., Visit]) -> None:
+        page = visit(size=PHONE).page
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        cloud, concepts, motifs = (
+            page.locator(chosen).first.bounding_box()["y"] for chosen in ("canvas", ".bars", ".motifs")
+        )
+        assert cloud < concepts < motifs
