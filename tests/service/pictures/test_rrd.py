@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +96,7 @@ def test_the_viewer_shows_it_whatever_the_clouds_are_called(pictures: list[Pictu
     colouring = pictures[0].colourings[0]
     wanted = np.array(parts(colouring.colours[0]))
     with (tmp_path / "log").open("w") as log:
-        viewer = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        viewer = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
     try:
         until, most = time.monotonic() + 60, 0
         while most < 1000 and time.monotonic() < until:
@@ -113,5 +116,6 @@ def test_the_viewer_shows_it_whatever_the_clouds_are_called(pictures: list[Pictu
                 most = int(((image @ wanted > 0.99 * length * np.linalg.norm(wanted)) & (length > 60)).sum())
         assert most >= 1000, (tmp_path / "log").read_text()[-2000:]
     finally:
-        viewer.terminate()
+        with suppress(ProcessLookupError):  # the program that was started is but the parent of the viewer
+            os.killpg(viewer.pid, signal.SIGTERM)
         viewer.wait(30)
