@@ -23,7 +23,7 @@ from service.pictures.picture import Picture, draw_cloud
 from service.pictures.rrd import write_rrd
 from tests.service.pictures.test_picture import learnt
 
-reading = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
+reading = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed: ./run test --all installs it")
 
 
 @pytest.fixture
