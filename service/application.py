@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ from service.engine.model import OnStage, ignore_stage
 from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
+from service.live import Live
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -44,6 +46,12 @@ from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
+
+OnCloud = Callable[[PointCloud], None]
+
+
+def ignore_cloud(cloud: PointCloud) -> None:
+    """Where nobody wants to see the cloud that is answered."""
 
 
 class CloudFile(NamedTuple):
@@ -115,6 +123,7 @@ class Application:
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         jobs = Jobs(settings.jobs_url)
         self.training = Training(jobs, self.store)
+        self.live = Live(settings.streams)
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
@@ -127,8 +136,14 @@ class Application:
         """The use cases on names of concepts."""
         return self._choosing.source().naming
 
+    def let_go(self) -> None:
+        """Lets those go who follow jobs or watch streams, and would stay for hours: the service ends."""
+        self.training.ending.set()
+        self.live.end()
+
     def close(self) -> None:
         """Waits for the work under way."""
+        self.let_go()
         self.pool.close()
         self._answers.close()
         self.scheduling.close()
@@ -149,6 +164,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        on_cloud: OnCloud = ignore_cloud,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
 
@@ -165,6 +181,7 @@ class Application:
             segments: whether it says of each point of the cloud to which segment it belongs.
             max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
+            on_cloud: called with the cloud as soon as it is read.
 
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
@@ -175,6 +192,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             points = self._points(cloud, max_points)
+            on_cloud(points)
             response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
@@ -195,6 +213,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        on_cloud: OnCloud = ignore_cloud,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
 
@@ -210,6 +229,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(scene, max_points)
+            on_cloud(sent.cloud)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []

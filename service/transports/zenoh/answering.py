@@ -15,10 +15,13 @@ from typing import Any, NamedTuple
 import zenoh
 from zenoh.handlers import Callback
 
-from service.application import Application, CloudFile, parse_viewpoint
+from service.application import Application, CloudFile, OnCloud, parse_viewpoint
 from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.formats import by_content
+from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, Overloaded
+from service.live import shown, thin
+from service.scene_answer import SceneAnswer
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
 from service.transports.zenoh.attachments import mask_of
@@ -35,7 +38,24 @@ KEYS = 1000  # robots, or other publishers, that one stream can tell apart
 PAUSE = 0.05  # seconds between attempts to get a place in the pool
 SETTLING = 0.5  # seconds in which the other replicas learn that there is one more
 LOGGED = 10.0  # seconds between two lines of the log about drops
+SCENE_POINTS: Any = {"point_objects": True, "objects": {"__all__": {"answer": {"point_segments"}}}}  # not published
 BODY = Viewpoint(orientation=(0.5, -0.5, 0.5, -0.5))  # of a sensor whose cloud has x forward, y left, z up
+
+
+class Told(NamedTuple):
+    """What is said about a cloud.
+
+    Attributes:
+        document: the answer, or a problem document.
+        encoding: which of the two.
+        source: where the cloud comes from, with what it says of that itself.
+        parts: the segment, or object of a scene, of each point of the cloud's file; None where nobody wants to know.
+    """
+
+    document: dict[str, Any]
+    encoding: str
+    source: Source
+    parts: list[int] | None = None
 
 
 class Sent(NamedTuple):
@@ -176,29 +196,33 @@ class Answering:
                 await asyncio.sleep(PAUSE)
 
     async def _answer(self, taken: Taken[Sent]) -> None:
-        source = taken.item.source
+        source, read = taken.item.source, list[PointCloud]()
+        watched = self._application.live.watched(self._stream)
         with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
             try:
-                document, source = await self._application.pool.run(self._respond, taken.item)
-                encoding = JSON
+                told = await self._application.pool.run(self._respond, taken.item, watched, read.append)
             except Exception as error:
                 seen.failed(error)
-                document, encoding = problem_of(error, source.key, seen.request_id), MEDIA_TYPE
-        document |= {"source": source.told(), "dropped": taken.dropped}
+                told = Told(problem_of(error, source.key, seen.request_id), MEDIA_TYPE, source)
+        document = told.document | {"source": told.source.told(), "dropped": taken.dropped}
         self._tell_drops(source.key, taken.dropped)
         try:
             await asyncio.to_thread(
                 self._session.put,
                 self._stream.answers_on(source.key),
                 json.dumps(document),
-                encoding=encoding,
+                encoding=told.encoding,
                 attachment=taken.item.attachment,
             )
         except zenoh.ZError as error:
             log.warning("an answer to %s could not be published: %s", source.key, error)
+        if watched:
+            cloud = await self._application.pool.run(thin, read[0], told.parts) if read else None
+            problem = told.encoding == MEDIA_TYPE
+            self._application.live.show(shown(self._stream, source.key, document, problem=problem, cloud=cloud))
 
-    def _respond(self, sent: Sent) -> tuple[dict[str, Any], Source]:
-        """The answer to a cloud, and its source with what the cloud itself says of it."""
+    def _respond(self, sent: Sent, watched: bool, on_cloud: OnCloud) -> Told:
+        """The answer to a cloud."""
         if isinstance(sent.payload, Exception):
             raise sent.payload
         stream, source = self._stream, sent.source
@@ -208,8 +232,12 @@ class Answering:
             source = source._replace(frame_id=header.frame_id, stamp_ns=header.stamp_ns)
         cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose, camera=self._camera, mask=sent.mask)
         respond = self._application.respond_scene if stream.scene else self._application.respond
-        answer = respond(cloud, model=stream.model, time=stream.time, top=stream.top)
-        return answer.model_dump(mode="json"), source
+        answer = respond(
+            cloud, model=stream.model, time=stream.time, top=stream.top, segments=watched, on_cloud=on_cloud
+        )
+        parts = answer.point_objects if isinstance(answer, SceneAnswer) else answer.point_segments
+        left_out = SCENE_POINTS if isinstance(answer, SceneAnswer) else {"point_segments"}
+        return Told(answer.model_dump(mode="json", exclude=left_out), JSON, source, parts)
 
     def _tell_drops(self, key: str, dropped: int) -> None:
         """Logs drops, not more often than every few seconds."""
