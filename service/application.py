@@ -34,6 +34,7 @@ from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.live import Live
+from service.looking import Looking
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -47,10 +48,10 @@ from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
 
-OnCloud = Callable[[PointCloud], None]
+OnCloud = Callable[[clouds.SceneCloud], None]
 
 
-def ignore_cloud(cloud: PointCloud) -> None:
+def ignore_cloud(cloud: clouds.SceneCloud) -> None:
     """Where nobody wants to see the cloud that is answered."""
 
 
@@ -127,6 +128,7 @@ class Application:
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
+        self.looking = Looking(self._choosing, self.datasets.store)
         self._keys = KeyStore(settings.store)
         self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
         self.telemetry.metrics.watch(self._state)
@@ -191,9 +193,11 @@ class Application:
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            points = self._points(cloud, max_points)
-            on_cloud(points)
-            response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
+            sent = self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points)
+            on_cloud(sent)
+            response = shape_model.respond(
+                sent.cloud, time=time, explain=explain, segments=segments, on_stage=stages.begin
+            )
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
         self.telemetry.answered(answer)
@@ -229,7 +233,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(scene, max_points)
-            on_cloud(sent.cloud)
+            on_cloud(sent)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -251,6 +255,14 @@ class Application:
                     self.telemetry.answered(answer)
                     answers.append(answer)
         return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+
+    def read(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None = None) -> clouds.SceneCloud:
+        """The points of a cloud, as `respond_scene` reads it. Runs on the caller's thread.
+
+        Raises:
+            ShapeConceptsError: one of its children, saying what is wrong with the cloud.
+        """
+        return self._scene(cloud, max_points)
 
     def concept_order(self, name: str, version: int, time: float | None = None) -> ConceptOrder:
         """Which concepts the responses of a version's answers are to.
@@ -370,12 +382,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._choosing.meant(name, version).model().prototypes.thumbnails
-        if not 0 <= number < len(thumbnails):
-            raise InvalidParameter(
-                f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
-            )
-        return thumbnails[number]
+        return self.looking.thumbnail(name, version, number)
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
         """All that each alias of a model has meant, oldest first.
@@ -403,9 +410,6 @@ class Application:
         version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
-
-    def _points(self, cloud: CloudFile | PointCloud, max_points: int | None) -> PointCloud:
-        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points).cloud
 
     def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
         limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)

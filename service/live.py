@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.cloud import PointCloud
 from service.engine.errors import Overloaded, StreamNotFound, StreamsUnavailable
 from service.streams import Stream
 
@@ -189,24 +188,3 @@ class Live:
 def shown(stream: Stream, key: str, document: dict[str, Any], *, problem: bool, cloud: ShownCloud | None) -> Shown:
     """A cloud that was answered just now."""
     return Shown(stream.key, key, clock.time(), document, problem, cloud)
-
-
-def thin(cloud: PointCloud, parts: Sequence[int] | None, most: int = POINTS) -> ShownCloud:
-    """Points of a cloud, spread evenly over the order in which the sensor gave them; all of a small cloud.
-
-    Args:
-        cloud: in the sensor's frame.
-        parts: the segment or object of each point of the cloud's file, -1 for none; None if that is not known.
-        most: how many points at most.
-    """
-    count = len(cloud.points)
-    rng = np.random.default_rng(0)  # the same of each cloud, so that a still scene stands still
-    size = min(count, most)
-    borders = np.arange(size + 1) * count // max(size, 1)  # one point from between each two
-    chosen = borders[:-1] + (rng.random(size) * np.diff(borders)).astype(int)
-    chosen = rng.permutation(chosen)
-    numbers = np.full(count, -1, np.int16)
-    if parts is not None:
-        of_file = np.asarray(parts)
-        numbers = np.clip(of_file if cloud.measured is None else of_file[cloud.measured], -1, 2**15 - 1)
-    return ShownCloud(np.ascontiguousarray(cloud.points[chosen], np.float32), numbers[chosen].astype(np.int16), count)

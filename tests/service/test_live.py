@@ -5,54 +5,13 @@ from __future__ import annotations
 import asyncio
 import threading
 
-import numpy as np
 import pytest
 
-from service.engine.cloud import PointCloud
 from service.engine.errors import Overloaded, StreamNotFound, StreamsUnavailable
-from service.live import KEYS, POINTS, WATCHERS, Live, Shown, shown, thin
+from service.live import KEYS, WATCHERS, Live, Shown, shown
 from service.streams import Stream, latency_of
 
 ROBOTS, ARMS = Stream(key="robots/*/cloud"), Stream(key="arms/*/cloud")
-
-
-def cloud_of(count: int, missing: int = 0) -> PointCloud:
-    """Points along x, each as many metres away as its number; some of the file were not measured."""
-    points = np.zeros((count, 3), np.float32)
-    points[:, 0] = np.arange(count)
-    measured = np.r_[np.zeros(missing, bool), np.ones(count, bool)]
-    return PointCloud(points, measured if missing else None)
-
-
-@pytest.mark.parametrize(("count", "most"), [(1, 10), (10, 10), (1000, 10), (100_003, POINTS)])
-def test_a_thinned_cloud_has_distinct_points_of_the_cloud_and_no_more_than_wanted(count: int, most: int) -> None:
-    thinned = thin(cloud_of(count), None, most)
-    numbers = thinned.points[:, 0]
-    assert len(numbers) == min(count, most)
-    assert len(set(numbers.tolist())) == len(numbers)
-    assert set(numbers.tolist()) <= set(range(count))
-    assert thinned.measured == count
-    assert set(thinned.parts.tolist()) == {-1}
-
-
-def test_any_first_points_are_spread_over_the_whole_cloud() -> None:
-    numbers = thin(cloud_of(1_000_000), None).points[:, 0]
-    for first in (200, 2_000, POINTS):
-        tenths = np.histogram(numbers[:first], bins=10, range=(0, 1_000_000))[0]
-        assert tenths.min() > 0.5 * first / 10
-        assert tenths.max() < 1.5 * first / 10
-
-
-def test_each_point_keeps_its_part_where_others_of_the_file_were_not_measured() -> None:
-    cloud = cloud_of(1000, missing=7)
-    of_file = [99] * 7 + [number // 100 for number in range(1000)]
-    thinned = thin(cloud, of_file, 50)
-    assert thinned.parts.tolist() == [int(x) // 100 for x in thinned.points[:, 0]]
-
-
-def test_a_still_scene_stands_still() -> None:
-    first, second = (thin(cloud_of(50_000), None).points for _ in range(2))
-    assert np.array_equal(first, second)
 
 
 def of(stream: Stream, key: str, number: int = 0) -> Shown:

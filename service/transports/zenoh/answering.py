@@ -12,15 +12,16 @@ from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
+import numpy as np
 import zenoh
 from zenoh.handlers import Callback
 
 from service.application import Application, CloudFile, OnCloud, parse_viewpoint
-from service.clouds import DepthCamera, Viewpoint, parse_camera
+from service.clouds import DepthCamera, SceneCloud, Viewpoint, parse_camera
 from service.clouds.formats import by_content
-from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, Overloaded
-from service.live import shown, thin
+from service.live import POINTS, ShownCloud, shown
+from service.looking import draw
 from service.scene_answer import SceneAnswer
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
@@ -196,7 +197,7 @@ class Answering:
                 await asyncio.sleep(PAUSE)
 
     async def _answer(self, taken: Taken[Sent]) -> None:
-        source, read = taken.item.source, list[PointCloud]()
+        source, read = taken.item.source, list[SceneCloud]()
         watched = self._application.live.watched(self._stream)
         with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
             try:
@@ -248,6 +249,18 @@ class Answering:
             told = ", ".join(f"{count} of {name}" for name, count in list(self._dropped.items())[:20])
             log.warning("clouds dropped for newer ones: %s", told)
             self._dropped, self._logged = {}, clock.monotonic()
+
+
+def thin(sent: SceneCloud, parts: list[int] | None) -> ShownCloud:
+    """What is shown of a cloud.
+
+    Args:
+        sent: the cloud.
+        parts: the segment or object of each point of its file, -1 for none; None if that is not known.
+    """
+    drawn = draw(sent, POINTS)
+    numbers = np.full(len(drawn.places), -1) if parts is None else np.asarray(parts)[drawn.places]
+    return ShownCloud(drawn.points, np.clip(numbers, -1, 2**15 - 1).astype(np.int16), drawn.measured)
 
 
 def pose_of(stream: Stream) -> Viewpoint | None:

@@ -175,7 +175,7 @@ def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
                 assert parameter["description"], parameter["name"]
 
 
-HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names")
+HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names", "/labels")
 
 
 def asked_of_datasets(client: httpx.Client, cloud: str) -> dict[str, httpx.Response]:
