@@ -6,7 +6,7 @@ import asyncio
 import threading
 import time as clock
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
@@ -119,6 +119,7 @@ class Live:
         self.ended = False
         self._answering = 0
         self._watchers: list[Watcher] = []
+        self._told: list[Callable[[], None]] = []
         self._lock = threading.Lock()
 
     @property
@@ -134,6 +135,17 @@ class Live:
             yield
         finally:
             self._answering -= 1
+
+    def tell(self, listener: Callable[[], None]) -> None:
+        """Calls a function whenever somebody begins or ends to watch, on whatever thread that is."""
+        with self._lock:
+            self._told = [*self._told, listener]
+        listener()
+
+    def tell_no_more(self, listener: Callable[[], None]) -> None:
+        """Calls it no more."""
+        with self._lock:
+            self._told = [other for other in self._told if other != listener]
 
     def watched(self, stream: Stream) -> bool:
         """Whether somebody looks at a stream: only then is there a point in thinning its clouds."""
@@ -161,17 +173,23 @@ class Live:
             if len(self._watchers) >= WATCHERS:
                 raise Overloaded(f"{WATCHERS} clients watch streams already; try again when one of them has left.")
             self._watchers = [*self._watchers, watcher]
+        self._tell()
         try:
             yield watcher
         finally:
             with self._lock:
                 self._watchers = [other for other in self._watchers if other is not watcher]
+            self._tell()
 
     def end(self) -> None:
         """Lets all who watch go: the service ends."""
         self.ended = True
         for watcher in self._watchers:
             watcher.wake()
+
+    def _tell(self) -> None:
+        for listener in self._told:
+            listener()
 
     def _check(self, stream: str | None) -> None:
         if not self.streams:

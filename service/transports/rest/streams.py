@@ -117,7 +117,7 @@ def router(application: Application) -> APIRouter:
         three a point, metres in the sensor's frame: x right, y down, z forward), `parts` (base64 of little-endian
         int16, one a point: its segment, or its object where `kind` is `objects`; -1 for none).
 
-        A replica shows what it answers itself.
+        Whichever replica is asked, it shows what all of them answer.
         """
         return _Watched(live, stream, key, points)
 

@@ -31,6 +31,7 @@ from service.transports.zenoh.newest import Newest, Taken
 from service.transports.zenoh.problems import check_size, problem_of
 from service.transports.zenoh.queries import JSON
 from service.transports.zenoh.replicas import Replicas
+from service.transports.zenoh.showing import Showing
 from service.transports.zenoh.source import Source, attachment_of, ros_header, source_of
 
 log = logging.getLogger(__name__)
@@ -120,6 +121,9 @@ class Answering:
         self._loop = asyncio.get_running_loop()
         self._streams = others
         self._replicas = await asyncio.to_thread(Replicas, self._session, self._stream)
+        self._showing = await asyncio.to_thread(
+            Showing, self._application.live, self._session, self._stream, self._loop
+        )
         await asyncio.sleep(SETTLING)  # the others leave us our share before we begin: better missed than twice
         self._subscriber = await asyncio.to_thread(
             self._session.declare_subscriber, self._key, Callback(self._arrived, indirect=False)
@@ -131,6 +135,7 @@ class Answering:
         await asyncio.to_thread(self._subscriber.undeclare)
         self._newest.clear()
         await asyncio.gather(*map(asyncio.wrap_future, list(self._workers)), return_exceptions=True)
+        await asyncio.to_thread(self._showing.close)
         await asyncio.to_thread(self._replicas.close)
 
     def _arrived(self, sample: zenoh.Sample) -> None:
@@ -198,7 +203,7 @@ class Answering:
 
     async def _answer(self, taken: Taken[Sent]) -> None:
         source, read = taken.item.source, list[SceneCloud]()
-        watched = self._application.live.watched(self._stream)
+        watched = self._showing.wanted
         with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
             try:
                 told = await self._application.pool.run(self._respond, taken.item, watched, read.append)
@@ -220,7 +225,8 @@ class Answering:
         if watched:
             cloud = await self._application.pool.run(thin, read[0], told.parts) if read else None
             problem = told.encoding == MEDIA_TYPE
-            self._application.live.show(shown(self._stream, source.key, document, problem=problem, cloud=cloud))
+            now = shown(self._stream, source.key, document, problem=problem, cloud=cloud)
+            await asyncio.to_thread(self._showing.show, now)
 
     def _respond(self, sent: Sent, watched: bool, on_cloud: OnCloud) -> Told:
         """The answer to a cloud."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -210,3 +212,29 @@ def test_only_who_may_have_answers_may_watch(settings: Settings, scope: Any, sta
         watched = client.get("/v1/streams/events", headers={"Authorization": f"Bearer {text}"})
         assert watched.status_code == status
     application.close()
+
+
+def test_whichever_replica_is_watched_shows_what_all_of_them_answer(
+    served: Served, robot: zenoh.Session, clouds: list[PointCloud]
+) -> None:
+    watched, _ = (served(streams=[STREAM]) for _ in range(2))
+    keys = {f"robots/{number}/cloud" for number in range(8)}  # one replica has them all once in 128 times
+    told: list[dict[str, Any]] = []
+    numbers = itertools.count()
+
+    def all_shown() -> bool:  # once the other replica knows that it is watched
+        number = next(numbers)
+        for key in keys:
+            put(robot, key, write_ply(clouds[0]), attachment=numbered(number))
+        time.sleep(0.2)
+        return {one["key"] for one in told} == keys
+
+    with asked_over_http(watched) as client, watching(client) as coming, ThreadPoolExecutor(1) as thread:
+        reading = thread.submit(lambda: [told.append(one) for one in coming])  # type: ignore[func-returns-value]
+        until(all_shown, "clouds of both replicas")
+        watched.let_go()
+        reading.result()
+    names = [(one["key"], one["answer"]["source"]["sequence"]) for one in told]
+    assert len(set(names)) == len(names)  # nothing is shown twice
+    assert len({(one["cloud"]["xyz"], one["cloud"]["parts"], one["cloud"]["measured"]) for one in told}) == 1
+    assert len({str(one["answer"]["responses"]) for one in told}) == 1
