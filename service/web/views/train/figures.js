@@ -14,7 +14,7 @@ const MEANING = {
  */
 export function figures(told, before = null) {
   const rows = Object.entries(told).map(([name, value]) => {
-    const bar = h("span", { class: "bar" }, h("span"));
+    const bar = h("span", { class: "bar-track" }, h("span", { class: "bar-fill" }));
     bar.firstChild.style.width = `${100 * Math.min(1, Math.max(0, value))}%`;
     const change = before && name in before ? value - before[name] : null;
     return h("tr", {}, h("th", { scope: "row" }, name, MEANING[name] && h("span", { class: "fine" }, ` ${MEANING[name]}`)),

@@ -53,13 +53,14 @@ export function jobsPanel(context) {
     h("span", { class: "fine" }, when(job.submitted))));
   }
 
-  /** Follows the job that the URL names. */
-  function follow() {
+  /** Follows the job that the URL names. @param {boolean} byUser who has just asked for it, and wants to see it. */
+  function follow(byUser = false) {
     const id = place.get("job");
     if (followed?.id === id) return;
     followed?.leave();
     followed = id ? new FollowedJob(context, id, ended) : null;
     shown.replaceChildren(...(followed ? [followed.element] : []));
+    if (byUser) shown.scrollIntoView({ block: "nearest" });
   }
 
   function ended(job) {
@@ -68,13 +69,13 @@ export function jobsPanel(context) {
   }
 
   signal.addEventListener("abort", () => { clearTimeout(timer); followed?.leave(); });
-  heard(context, "jobs", () => { earlier.length = 0; refresh(); follow(); });
+  heard(context, "jobs", () => { earlier.length = 0; refresh(); follow(true); });
   refresh();
   follow();
   return {
     element: h("section", { class: "panel", "aria-labelledby": "jobs-title" },
       h("div", { class: "title-row" }, h("h2", { id: "jobs-title" }, "Jobs"), state), shown, list),
-    changed: () => { follow(); refresh(); },
+    changed: () => { follow(true); refresh(); },
   };
 }
 

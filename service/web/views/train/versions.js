@@ -137,8 +137,8 @@ export function versionsPanel(context) {
 function heldBy(history) {
   const held = [];
   for (const { action, version } of history) {
-    if (action === "rollback") held.pop();
-    else held.push(version);
+    if (action !== "rollback") held.push(version);
+    else if (held.length > 1) held.pop();
   }
   return held;
 }
