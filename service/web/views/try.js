@@ -26,7 +26,7 @@ class Trial {
     this.place = place;
     this.cloudPanel = new CloudPanel(place, (object) => this.#showObject(object));
     this.answer = h("section", { class: "try-answer", "aria-live": "polite", "aria-label": "Answer" });
-    this.input = new Input(place, (cloud) => this.ask(cloud));
+    this.input = new Input(place, { onCloud: (cloud) => this.ask(cloud), onSample: () => this.askAboutSample() });
     this.asking = null;
   }
 
@@ -56,10 +56,20 @@ class Trial {
   }
 
   /** Asks about the sample that the URL names, unless that was asked already. */
-  async followPlace() {
-    const sample = await this.input.sample(this.place.get("sample")).catch((error) => this.#fail(error));
-    if (sample && sample.name !== this.cloud?.name) this.ask(sample);
+  followPlace() {
+    if (this.place.get("sample") && this.place.get("sample") !== this.cloud?.name) this.askAboutSample();
     else this.cloudPanel.recolour();
+  }
+
+  /** Asks about the sample that the URL names. */
+  async askAboutSample() {
+    this.asking?.abort();
+    try {
+      const sample = await this.input.sample(this.place.get("sample"));
+      if (sample) this.ask(sample);
+    } catch (error) {
+      this.#fail(error, () => this.askAboutSample());
+    }
   }
 
   /**
@@ -136,8 +146,7 @@ class Trial {
     if (this.cloud) this.ask(this.cloud);
   }
 
-  #fail(error) {
-    const again = this.cloud && (() => this.ask(this.cloud));
+  #fail(error, again = () => this.ask(this.cloud)) {
     this.answer.replaceChildren(failure(error, { again }));
   }
 

@@ -26,11 +26,13 @@ export function describe(cloud) {
 export class Input {
   /**
    * @param {import("../../place.js").Place} place
-   * @param {function(Cloud): void} onCloud told what is to be asked about.
+   * @param {{onCloud: function(Cloud): void, onSample: function(): void}} told `onCloud`: what is to be asked about;
+   *   `onSample`: that the URL names a sample to be asked about.
    */
-  constructor(place, onCloud) {
+  constructor(place, { onCloud, onSample }) {
     this.place = place;
     this.onCloud = onCloud;
+    this.onSample = onSample;
     this.samples = [];
     this.current = null; // what was asked about last
     this.buttons = h("div", { class: "samples", role: "group", "aria-label": "Samples" });
@@ -118,9 +120,9 @@ export class Input {
   }
 
   #button(sample) {
-    const choose = async () => {
+    const choose = () => {
       this.place.set({ sample: sample.file }, { push: true });
-      this.onCloud(await this.sample(sample.file));
+      this.onSample();
     };
     const title = `${sample.points.toLocaleString("en")} points`;
     return h("button", { type: "button", "data-file": sample.file, "aria-pressed": "false", title, click: choose }, sample.title);
