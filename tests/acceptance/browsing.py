@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 PHONE, DESKTOP = (390, 844), (1280, 900)  # pixels
-PATIENCE = 30_000  # milliseconds
+PATIENCE = 90_000  # milliseconds: the first scene waits for the compiler
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 

@@ -139,7 +139,9 @@ export class CloudView {
     const scale = this.element.clientWidth / this.canvas.width;
     for (const { position, element } of this.placed ?? []) {
       const own = position.map((value, axis) => value - target[axis]);
-      const [right, down, away] = [0, 3, 6].map((row) => own.reduce((sum, value, axis) => sum + value * rotation[row + axis], 0));
+      const [right, down, away] = [0, 3, 6].map((row) =>
+        own.reduce((sum, value, axis) => sum + value * rotation[row + axis], 0),
+      );
       const zoom = focal / Math.max(1e-6, away + distance);
       element.style.left = `${(this.canvas.width / 2 + right * zoom) * scale}px`;
       element.style.top = `${(this.canvas.height / 2 + down * zoom) * scale}px`;

@@ -15,7 +15,13 @@ export function colourOf(number) {
 
 /** The colour of a height from 0, the lowest, to 1: dark blue over green to yellow, ever lighter. */
 export function heightColour(share) {
-  const stops = [[59, 76, 162], [38, 130, 142], [63, 170, 110], [190, 200, 60], [250, 220, 90]];
+  const stops = [
+    [59, 76, 162],
+    [38, 130, 142],
+    [63, 170, 110],
+    [190, 200, 60],
+    [250, 220, 90],
+  ];
   const at = Math.min(Math.max(share, 0), 1) * (stops.length - 1);
   const below = Math.min(Math.floor(at), stops.length - 2);
   const mixed = stops[below].map((low, axis) => low + (stops[below + 1][axis] - low) * (at - below));
@@ -45,7 +51,9 @@ function hex(hue, saturation, lightness) {
   const channel = (offset) => {
     const k = (offset + hue / 30) % 12;
     const value = lightness - reach * Math.max(-1, Math.min(k - 3, 9 - k, 1));
-    return Math.round(255 * value).toString(16).padStart(2, "0");
+    return Math.round(255 * value)
+      .toString(16)
+      .padStart(2, "0");
   };
   return `#${channel(0)}${channel(8)}${channel(4)}`;
 }

@@ -19,15 +19,32 @@ export function askForKey() {
         },
       },
       h("h2", { id: "key-title" }, "Access key"),
-      h("p", {}, "Your operator makes one with ", h("code", {}, "shape-concepts keys create"), ". It is kept in this tab ",
-        "only, until the tab is closed, and sent to this service only."),
+      h(
+        "p",
+        {},
+        "Your operator makes one with ",
+        h("code", {}, "shape-concepts keys create"),
+        ". It is kept in this tab ",
+        "only, until the tab is closed, and sent to this service only.",
+      ),
       h("label", { for: "key-field" }, "Key"),
       field,
       h(
         "p",
         { class: "buttons" },
         h("button", { type: "submit", class: "main" }, "Use it"),
-        api.hasKey() && h("button", { type: "button", click: () => { close(); api.setKey(null); } }, "Forget the key"),
+        api.hasKey() &&
+          h(
+            "button",
+            {
+              type: "button",
+              click: () => {
+                close();
+                api.setKey(null);
+              },
+            },
+            "Forget the key",
+          ),
         h("button", { type: "button", click: close }, "Cancel"),
       ),
     ),

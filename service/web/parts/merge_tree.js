@@ -36,7 +36,9 @@ export class MergeTree {
     for (let node = this.leaves; node < this.leaves + made; node += 1) {
       if (this.parent[node] < 0 || this.parent[node] >= this.leaves + made) found.push(node);
     }
-    const first = new Map(found.map((node) => [node, this.objectsOf(node).reduce((one, other) => Math.min(one, other))]));
+    const first = new Map(
+      found.map((node) => [node, this.objectsOf(node).reduce((one, other) => Math.min(one, other))]),
+    );
     return found.sort((one, other) => this.size[other] - this.size[one] || first.get(one) - first.get(other));
   }
 
@@ -56,7 +58,7 @@ export class MergeTree {
     return this.arranged.subarray(this.first[node], this.first[node] + this.size[node]);
   }
 
-  /** The concept that a node is, or is part of, at a time; before it came to be, the largest that becomes part of it. */
+  /** The concept that a node is, or is part of, at a time; before it came to be, the largest that becomes part. */
   conceptFor(node, time) {
     const last = this.leaves + this.madeUntil(time);
     let found = node;
@@ -92,7 +94,9 @@ export class MergeTree {
       while (root[leaf] !== leaf) leaf = root[leaf] = root[root[leaf]];
       return leaf;
     };
-    const rows = Int32Array.from({ length: edges.length }, (_, row) => row).sort((one, other) => order[one] - order[other]);
+    const rows = Int32Array.from({ length: edges.length }, (_, row) => row).sort(
+      (one, other) => order[one] - order[other],
+    );
     rows.forEach((row, k) => {
       const [annexed, annexing] = edges[row];
       const [one, other] = [find(annexing), find(annexed)];

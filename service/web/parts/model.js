@@ -71,12 +71,22 @@ async function resolve(reference) {
   if (reference) {
     const [name] = reference.split(/[@:]/);
     const { version } = await api.get(`v1/models/${reference}`);
-    if (version === null) throw new api.Problem({ status: 404, title: "No version is meant", detail: `${name} has no version in production: choose one.` });
+    if (version === null)
+      throw new api.Problem({
+        status: 404,
+        title: "No version is meant",
+        detail: `${name} has no version in production: choose one.`,
+      });
     return { name, version };
   }
   const { models } = await api.get("v1/models");
   const meant = models.find((model) => model.aliases.production) ?? models[0];
-  if (!meant) throw new api.Problem({ status: 404, title: "There is no model", detail: "The store holds no model yet: train one." });
+  if (!meant)
+    throw new api.Problem({
+      status: 404,
+      title: "There is no model",
+      detail: "The store holds no model yet: train one.",
+    });
   return { name: meant.name, version: meant.aliases.production ?? meant.versions.at(-1) };
 }
 

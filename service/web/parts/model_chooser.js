@@ -16,24 +16,30 @@ export async function modelChooser(chosen, onChoose) {
   const options = models.flatMap((model) =>
     model.versions.toReversed().map((version) => {
       const aliases = Object.keys(model.aliases).filter((alias) => model.aliases[alias] === version);
-      const text = [`${model.name}:${version}`, aliases.join(", "), model.built_in && "built in"].filter(Boolean).join(" · ");
+      const text = [`${model.name}:${version}`, aliases.join(", "), model.built_in && "built in"]
+        .filter(Boolean)
+        .join(" · ");
       return { value: `${model.name}:${version}`, text };
     }),
   );
-  const reference = exactly(chosen, models) ?? chosen ?? options[0]?.value ?? null; // one that is not there: the service says so
+  // Of one that is not there, the service says so.
+  const reference = exactly(chosen, models) ?? chosen ?? options[0]?.value ?? null;
   const select = h(
     "select",
     { id: "model", change: () => onChoose(select.value) },
     options.map(({ value, text }) => h("option", { value, selected: value === reference }, text)),
   );
-  return { element: h("label", { class: "model-chooser" }, "Model ", select), reference };
+  return { element: h("label", { class: "chooser" }, "Model ", select), reference };
 }
 
 /** NAME:VERSION that a reference means, null if there is no such version. */
 function exactly(reference, models) {
   const [, name, kind, which] = (reference ?? "").match(/^([^@:]+)([@:])?(.*)$/) ?? [];
-  const model = name ? models.find((one) => one.name === name) : models.find((one) => one.aliases.production) ?? models[0];
+  const model = name
+    ? models.find((one) => one.name === name)
+    : (models.find((one) => one.aliases.production) ?? models[0]);
   if (!model) return null;
-  const version = kind === ":" ? Number(which) : model.aliases[which || "production"] ?? (name ? null : model.versions.at(-1));
+  const version =
+    kind === ":" ? Number(which) : (model.aliases[which || "production"] ?? (name ? null : model.versions.at(-1)));
   return model.versions.includes(version) ? `${model.name}:${version}` : null;
 }

@@ -23,7 +23,7 @@ export class Orbit {
 
   /** Looks at a target as the sensor did, from so far that a sphere of a radius about it fits in. */
   look(target, radius) {
-    this.home = { target: [...target], distance: radius * 3.2 };
+    this.home = { target: [...target], distance: radius * 3 };
     this.reset();
   }
 
@@ -43,14 +43,19 @@ export class Orbit {
   reset() {
     this.target = [...this.home.target];
     this.distance = this.home.distance;
-    this.azimuth = 0.42;
-    this.elevation = 0.3;
+    this.azimuth = 0.24;
+    this.elevation = 0.2;
     this.onMove(false);
   }
 
   /** The camera's axes right, down and forward, row by row: nine numbers. */
   get rotation() {
-    const [sa, ca, se, ce] = [Math.sin(this.azimuth), Math.cos(this.azimuth), Math.sin(this.elevation), Math.cos(this.elevation)];
+    const [sa, ca, se, ce] = [
+      Math.sin(this.azimuth),
+      Math.cos(this.azimuth),
+      Math.sin(this.elevation),
+      Math.cos(this.elevation),
+    ];
     // At 0 and 0 it is the sensor's own: x right, y down, z forward.
     return [ca, 0, -sa, -se * sa, ce, -se * ca, ce * sa, se, ce * ca];
   }

@@ -21,7 +21,8 @@ const ROW = 16; // bytes
 export function readPoints(buffer) {
   const head = new TextDecoder("latin1").decode(new Uint8Array(buffer, 0, Math.min(buffer.byteLength, 2048)));
   const start = head.indexOf(END) + END.length;
-  const said = (word) => (head.match(new RegExp(`\\n(?:comment|element) ${word} (.+)\\n`))?.[1] ?? "").split(" ").map(Number);
+  const said = (word) =>
+    (head.match(new RegExp(`\\n(?:comment|element) ${word} (.+)\\n`))?.[1] ?? "").split(" ").map(Number);
   const [count] = said("vertex");
   const body = buffer.slice(start); // rows begin at a multiple of four
   const numbers = new Float32Array(body);
@@ -33,5 +34,12 @@ export function readPoints(buffer) {
     for (let axis = 0; axis < 3; axis += 1) points[3 * row + axis] = numbers[4 * row + axis];
     places[row] = wholes[4 * row + 3];
   }
-  return { points, places, count, measured: said("measured")[0], inFile: said("file")[0], viewpoint: said("viewpoint") };
+  return {
+    points,
+    places,
+    count,
+    measured: said("measured")[0],
+    inFile: said("file")[0],
+    viewpoint: said("viewpoint"),
+  };
 }

@@ -1,14 +1,20 @@
 /**
  * Draws points into an image: no graphics driver is needed, so that it looks the same in every browser and robot.
  *
- * Each point becomes a square about as large as its distance to the next one, and the nearest wins; then the depths of
+ * Each point becomes a disc about as large as its distance to the next one, and the nearest wins; then the depths of
  * the image tell how it is lit, so that a cloud needs no normals.
  */
 const FAR = Infinity;
 const STRENGTH = 7;
 const SPAN = 5; // neighbours on each side whose depths make a slope
 const CLIFF = 0.04; // doublings of the distance beyond which a neighbour is part of something else
-const LARGEST = 11; // pixels of a square
+const LARGEST = 11; // pixels across a disc
+const INSETS = Array.from({ length: LARGEST + 1 }, (_, size) =>
+  Array.from({ length: size }, (_, row) => {
+    const up = (row + 0.5) / size - 0.5;
+    return size < 4 ? 0 : Math.round(size * (0.5 - Math.sqrt(Math.max(0, 0.29 - up * up))));
+  }).map((inset) => Math.max(0, inset)),
+); // pixels that a disc's rows are shorter than it is wide, on each side
 
 /** An image of points, and of which point each pixel shows. */
 export class Splats {
@@ -55,7 +61,9 @@ export class Splats {
       const log = Math.log2(away);
       const colour = colours[n];
       for (let row = Math.max(0, top); row < Math.min(height, top + size); row += 1) {
-        for (let at = row * width + Math.max(0, left); at < row * width + Math.min(width, left + size); at += 1) {
+        const inset = INSETS[size][row - top];
+        const end = row * width + Math.min(width, left + size - inset);
+        for (let at = row * width + Math.max(0, left + inset); at < end; at += 1) {
           if (log < depth[at]) {
             depth[at] = log;
             pixels[at] = colour;

@@ -19,7 +19,14 @@ export class Thumbnails {
    * @param {string} label what it is, for those who do not see it, and as a tooltip.
    */
   show(number, label = `Training object ${number}`) {
-    const canvas = h("canvas", { class: "thumbnail", width: EDGE, height: EDGE, role: "img", "aria-label": label, title: label });
+    const canvas = h("canvas", {
+      class: "thumbnail",
+      width: EDGE,
+      height: EDGE,
+      role: "img",
+      "aria-label": label,
+      title: label,
+    });
     this.picture(number).then(
       (picture) => canvas.getContext("2d").drawImage(picture, 0, 0),
       () => canvas.classList.add("missing"),
@@ -39,7 +46,8 @@ export class Thumbnails {
   async #fetch() {
     const wanted = [...this.waiting];
     this.waiting = new Map();
-    for (let first = 0; first < wanted.length; first += AT_ONCE) await this.#fetchSome(wanted.slice(first, first + AT_ONCE));
+    for (let first = 0; first < wanted.length; first += AT_ONCE)
+      await this.#fetchSome(wanted.slice(first, first + AT_ONCE));
   }
 
   async #fetchSome(wanted) {

@@ -81,10 +81,18 @@ class Concepts {
     this.parts = [time, barcode, tree, map, list, detail];
     this.body.replaceChildren(
       time.element,
-      h("div", { class: "concepts" }, h("div", { class: "column" }, barcode.element, tree.element), h("div", { class: "column" }, map.element, list.element), detail.element),
+      h(
+        "div",
+        { class: "concepts" },
+        h("div", { class: "column" }, barcode.element, tree.element),
+        h("div", { class: "column" }, map.element, list.element),
+        detail.element,
+      ),
     );
     selection.onChange(() => this.parts.forEach((part) => part.update()));
-    selection.onSettle(() => this.place.set({ model: model.reference, time: selection.timeText(), concept: selection.picked }));
+    selection.onSettle(() =>
+      this.place.set({ model: model.reference, time: selection.timeText(), concept: selection.picked }),
+    );
     selection.take(this.place);
   }
 }

@@ -4,13 +4,14 @@ import { h } from "../parts/elements.js";
 import { loadModel } from "../parts/model.js";
 import { modelChooser } from "../parts/model_chooser.js";
 import { readPoints } from "../parts/ply.js";
-import { failure, loading } from "../parts/states.js";
+import { empty, failure, loading } from "../parts/states.js";
 import { answerPanel } from "./try/answer.js";
 import { CloudPanel } from "./try/cloud_panel.js";
 import { describe, Input } from "./try/input.js";
 import { objectsPanel } from "./try/objects.js";
 
-const FRESH = "Drop a file anywhere on this page, pick one, or start with a sample: simulated objects that the built-in " +
+const FRESH =
+  "Drop a file anywhere on this page, pick one, or start with a sample: simulated objects that the built-in " +
   "model has never seen.";
 
 /** @param {HTMLElement} root @param {import("../place.js").Place} place */
@@ -25,22 +26,26 @@ class Trial {
     this.root = root;
     this.place = place;
     this.cloudPanel = new CloudPanel(place, (object) => this.#showObject(object));
-    this.answer = h("section", { class: "try-answer", "aria-live": "polite", "aria-label": "Answer" });
+    this.answer = h("section", { class: "try-answer", "aria-label": "Answer" });
     this.input = new Input(place, { onCloud: (cloud) => this.ask(cloud), onSample: () => this.askAboutSample() });
     this.asking = null;
   }
 
   /** Fills the view, and asks about the sample that the URL names. */
   async begin() {
-    const chooser = h("div", {});
+    const chooser = h("div", { class: "choosers" });
     const first = h("div", { class: "try-first" }, this.input.element, this.cloudPanel.element);
-    this.root.append(h("h1", { class: "unseen" }, "Try a cloud"), chooser, h("div", { class: "try" }, first, this.answer));
+    this.root.append(
+      h("h1", { class: "unseen" }, "Try a cloud"),
+      chooser,
+      h("div", { class: "try" }, first, this.answer),
+    );
     this.endDropping = this.input.takeDrops(this.root.ownerDocument.body);
     this.#rest();
     try {
       const { element, reference } = await modelChooser(this.place.get("model"), (chosen) => this.#chooseModel(chosen));
       this.reference = reference;
-      chooser.append(element);
+      chooser.replaceChildren(element, this.#timeChooser());
       await this.input.begin();
     } catch (error) {
       this.answer.replaceChildren(failure(error, { again: () => this.begin() }));
@@ -99,7 +104,12 @@ class Trial {
 
   async #points(cloud, signal) {
     try {
-      const response = await api.request("v1/points", { method: "POST", body: describe(cloud), query: cloud.reading, signal });
+      const response = await api.request("v1/points", {
+        method: "POST",
+        body: describe(cloud),
+        query: cloud.reading,
+        signal,
+      });
       const points = readPoints(await response.arrayBuffer());
       this.cloudPanel.show(points);
       return points;
@@ -140,6 +150,24 @@ class Trial {
     this.cloudPanel.chooseObject(number);
   }
 
+  #timeChooser() {
+    const field = h("input", {
+      id: "answer-time",
+      type: "number",
+      min: 0,
+      max: 1,
+      step: "any",
+      placeholder: "the model's",
+      value: this.place.get("time"),
+      title: "0: specific, 1: generic; without one, the concepts of the model's own time come first, then others",
+      change: () => {
+        this.place.set({ time: field.value });
+        if (this.cloud) this.ask(this.cloud);
+      },
+    });
+    return h("label", { class: "chooser" }, "Filtration time ", field);
+  }
+
   #chooseModel(reference) {
     this.reference = reference;
     this.place.set({ model: reference });
@@ -151,7 +179,7 @@ class Trial {
   }
 
   #rest() {
-    this.answer.replaceChildren(h("div", { class: "state state-empty" }, h("p", {}, FRESH)));
+    this.answer.replaceChildren(h("div", { class: "panel" }, empty(FRESH)));
   }
 }
 

@@ -1,6 +1,6 @@
 /** The barcode of H_0: when each component is taken in by a larger one. */
 import { pageColour } from "../../parts/colours.js";
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 import { timeChart } from "./time_axis.js";
 
 const TALLEST = 6; // pixels of a bar
@@ -11,12 +11,18 @@ export class Barcode {
     this.selection = selection;
     this.chart = timeChart(
       selection,
-      "Barcode: a bar for each training object, until its component is annexed; the time can be dragged, or set by the slider",
+      "Barcode: a bar for each training object, until its component is annexed; the slider sets the time as well",
       (context, x, width, height) => this.#paint(context, x, height),
       (_, at) => this.#pick(at),
     );
     this.note = h("p", { class: "fine" });
-    this.element = h("section", { class: "panel", "aria-label": "Barcode" }, h("h2", {}, "Barcode"), this.chart.element, this.note);
+    this.element = h(
+      "section",
+      { class: "panel", "aria-label": "Barcode" },
+      h("h2", {}, "Barcode"),
+      this.chart.element,
+      this.note,
+    );
   }
 
   update() {
@@ -49,7 +55,10 @@ export class Barcode {
     }
     context.globalAlpha = 1;
     const several = Math.ceil(model.tree.leaves / rows);
-    this.note.textContent = `${model.tree.leaves.toLocaleString("en")} bars, the longest first${several > 1 ? `; each row of pixels shows the longest of ${several}` : ""}. Drag to change the time; click a bar to choose its concept.`;
+    const thinned = several > 1 ? `; each row of pixels shows the longest of ${several}` : "";
+    this.note.textContent =
+      `${counted(model.tree.leaves)} bars, the longest first${thinned}. ` +
+      "Drag to change the time; click a bar to choose its concept.";
   }
 
   #drawArrow(context, at, middle) {

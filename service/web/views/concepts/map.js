@@ -12,7 +12,9 @@ export class ConceptMap {
   /** @param {import("./selection.js").Selection} selection */
   constructor(selection) {
     this.selection = selection;
-    this.chart = new Chart("Map of the training objects, coloured by concept", (context, width, height) => this.#paint(context, width, height));
+    this.chart = new Chart("Map of the training objects, coloured by concept", (context, width, height) =>
+      this.#paint(context, width, height),
+    );
     this.hover = h("div", { class: "map-hover hidden" });
     this.chart.element.append(this.hover);
     this.chart.element.classList.add("tall");
@@ -23,8 +25,17 @@ export class ConceptMap {
       const found = this.#nearest(this.chart.at(event));
       this.selection.pick(found < 0 ? null : this.selection.assignment[found]);
     });
-    this.element = h("section", { class: "panel", "aria-label": "Map" }, h("h2", {}, "Map"), this.chart.element,
-      h("p", { class: "fine" }, "Objects that lie together respond alike; grey ones are part of no concept at this time. Click one to choose its concept."));
+    this.element = h(
+      "section",
+      { class: "panel", "aria-label": "Map" },
+      h("h2", {}, "Map"),
+      this.chart.element,
+      h(
+        "p",
+        { class: "fine" },
+        "Objects that lie together respond alike; grey ones are part of no concept. Click one to choose its concept.",
+      ),
+    );
   }
 
   update() {
@@ -78,8 +89,13 @@ export class ConceptMap {
     const concept = assignment[object];
     this.hover.replaceChildren(
       model.thumbnails.show(object, key),
-      h("span", {}, key, model.categories[object] ? h("span", { class: "block" }, model.categories[object]) : null,
-        h("span", { class: "fine block" }, concept < 0 ? "no concept" : titleOf(model, concept))),
+      h(
+        "span",
+        {},
+        key,
+        model.categories[object] ? h("span", { class: "block" }, model.categories[object]) : null,
+        h("span", { class: "fine block" }, concept < 0 ? "no concept" : titleOf(model, concept)),
+      ),
     );
     this.hover.style.left = `${Math.min(this.places[2 * object] + 12, this.chart.element.clientWidth - 180)}px`;
     this.hover.style.top = `${Math.max(4, this.places[2 * object + 1] - 60)}px`;
@@ -88,7 +104,11 @@ export class ConceptMap {
 
 /** The places of objects in pixels: x, y of each, one scale for both. */
 function fit(objects, width, height) {
-  const range = (axis) => objects.reduce(([low, high], { map }) => [Math.min(low, map[axis]), Math.max(high, map[axis])], [Infinity, -Infinity]);
+  const range = (axis) =>
+    objects.reduce(
+      ([low, high], { map }) => [Math.min(low, map[axis]), Math.max(high, map[axis])],
+      [Infinity, -Infinity],
+    );
   const [[left, right], [top, bottom]] = [range(0), range(1)];
   const scale = Math.min((width - 2 * MARGIN) / (right - left || 1), (height - 2 * MARGIN) / (bottom - top || 1));
   const places = new Float32Array(2 * objects.length);

@@ -1,5 +1,5 @@
 /** The filtration time as a slider, with what there is at that time. */
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 
 export class TimeControl {
   /** @param {import("./selection.js").Selection} selection */
@@ -16,12 +16,28 @@ export class TimeControl {
     });
     this.value = h("output", { for: "time", class: "number" });
     this.told = h("p", { class: "fine" });
-    const own = h("button", { type: "button", title: "The time of the model's own concepts", click: () => selection.setTime(selection.model.epsilonMax) },
-      `ε max ${selection.model.epsilonMax.toFixed(3)}`);
+    const own = h(
+      "button",
+      {
+        type: "button",
+        title: "The time of the model's own concepts",
+        click: () => selection.setTime(selection.model.epsilonMax),
+      },
+      `ε max ${selection.model.epsilonMax.toFixed(3)}`,
+    );
     this.element = h(
       "section",
       { class: "panel time-control", "aria-label": "Filtration time" },
-      h("div", { class: "time-row" }, h("label", { for: "time" }, "Filtration time"), h("span", { class: "fine" }, "specific"), this.slider, h("span", { class: "fine" }, "generic"), this.value, own),
+      h(
+        "div",
+        { class: "time-row" },
+        h("label", { for: "time" }, "Filtration time"),
+        h("span", { class: "fine" }, "specific"),
+        this.slider,
+        h("span", { class: "fine" }, "generic"),
+        this.value,
+        own,
+      ),
       this.told,
     );
   }
@@ -32,6 +48,7 @@ export class TimeControl {
     this.value.textContent = time.toFixed(3);
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(3)}: ${concepts.length} concepts`);
     const count = concepts.length === 1 ? "1 concept holds" : `${concepts.length} concepts hold`;
-    this.told.textContent = `At ${time.toFixed(3)}, ${count} ${held.toLocaleString("en")} of ${model.objects.length.toLocaleString("en")} training objects of ${model.reference}.`;
+    const all = `${counted(model.objects.length)} training objects of ${model.reference}`;
+    this.told.textContent = `At ${time.toFixed(3)}, ${count} ${counted(held)} of ${all}.`;
   }
 }

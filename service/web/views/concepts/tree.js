@@ -1,6 +1,6 @@
 /** The merge tree: which components became one, and when. */
 import { pageColour } from "../../parts/colours.js";
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 import { BOTTOM, timeChart } from "./time_axis.js";
 
 const LEAST = 1.2; // pixels that a branch needs to be drawn in full
@@ -11,12 +11,18 @@ export class Tree {
     this.selection = selection;
     this.chart = timeChart(
       selection,
-      "Merge tree: training objects at the left join into concepts towards the right; the list of concepts says the same",
+      "Merge tree: training objects at the left join into concepts towards the right, as the list of concepts says",
       (context, x, width, height) => this.#paint(context, x, height),
       (time, at) => this.#pick(at),
     );
     this.note = h("p", { class: "fine" });
-    this.element = h("section", { class: "panel", "aria-label": "Merge tree" }, h("h2", {}, "Merge tree"), this.chart.element, this.note);
+    this.element = h(
+      "section",
+      { class: "panel", "aria-label": "Merge tree" },
+      h("h2", {}, "Merge tree"),
+      this.chart.element,
+      this.note,
+    );
     this.chart.element.classList.add("tree");
   }
 
@@ -54,7 +60,8 @@ export class Tree {
       path.lineTo(here, y(children[1]));
     }
     for (const [style, path] of paths) this.#stroke(context, style, path);
-    this.note.textContent = `${tree.leaves.toLocaleString("en")} objects${least > 2 ? `; branches of fewer than ${least} are drawn as one line` : ""}. Click a branch to choose its concept.`;
+    const thinned = least > 2 ? `; branches of fewer than ${least} are drawn as one line` : "";
+    this.note.textContent = `${counted(tree.leaves)} objects${thinned}. Click a branch to choose its concept.`;
   }
 
   /** The lines of a node's colour at this time: that of the concept that it is part of. */

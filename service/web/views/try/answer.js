@@ -26,9 +26,15 @@ export function answerPanel(answer, model, ways) {
       best ? headline(best, model) : h("p", {}, "The model has no concept at this filtration time."),
       answer.warnings.map((warning) => h("p", { class: "warning" }, warning)),
       novelty(answer.novelty),
+      h("p", { class: "fine" }, seenAs(answer)),
       ranked(own, answer, model),
       others.length > 0 &&
-        h("details", {}, h("summary", {}, `Concepts of other filtration times (${others.length})`), ranked(others, answer, model)),
+        h(
+          "details",
+          {},
+          h("summary", {}, `Concepts of other filtration times (${others.length})`),
+          ranked(others, answer, model),
+        ),
     ),
     answer.explanation && whyPanel(answer, model, ways),
     timings(answer),
@@ -38,7 +44,12 @@ export function answerPanel(answer, model, ways) {
 function headline(best, model) {
   const nearest = h("div", { class: "best" }, swatch(model.tree.colour(best.id)), h("h2", {}, titleOf(model, best.id)));
   const about = `The closest of the model's concepts; ${best.prototypes} training objects make it up.`;
-  return h("div", {}, nearest, h("p", { class: "fine" }, about));
+  return h("div", { role: "status" }, nearest, h("p", { class: "fine" }, about));
+}
+
+function seenAs({ segments, extent_m: extent, truncated }) {
+  const cut = truncated ? "; constellations were left out, as there were too many" : "";
+  return `Seen as ${segments} segment${segments === 1 ? "" : "s"}, ${(100 * extent).toFixed(1)} cm across${cut}.`;
 }
 
 function novelty(share) {
@@ -48,7 +59,15 @@ function novelty(share) {
     "div",
     { class: "novelty" },
     h("span", {}, "Novelty"),
-    h("meter", { min: 0, max: 1, low: 0.75, high: 0.95, optimum: 0, value: share, "aria-label": `Novelty ${percent} percent` }),
+    h("meter", {
+      min: 0,
+      max: 1,
+      low: 0.75,
+      high: 0.95,
+      optimum: 0,
+      value: share,
+      "aria-label": `Novelty ${percent} percent`,
+    }),
     h("span", { class: "number" }, `${percent} %`),
     h("span", { class: "fine" }, words),
   );
@@ -58,7 +77,11 @@ function ranked(concepts, answer, model) {
   const responses = concepts.map((concept) => concept.response);
   const [nearest, farthest] = [Math.min(...responses), Math.max(...responses)];
   const closeness = (response) => (farthest > nearest ? (farthest - response) / (farthest - nearest) : 1);
-  const list = h("ol", { class: "ranked" }, concepts.slice(0, FIRST).map((concept) => row(concept, closeness, answer, model)));
+  const list = h(
+    "ol",
+    { class: "ranked" },
+    concepts.slice(0, FIRST).map((concept) => row(concept, closeness, answer, model)),
+  );
   const rest = concepts.slice(FIRST);
   const more = h(
     "button",
@@ -81,14 +104,24 @@ function row(concept, closeness, answer, model) {
   bar.style.width = `${Math.max(1, 100 * closeness(concept.response))}%`;
   bar.style.background = model.tree.colour(concept.id);
   const place = { model: model.reference, time: concept.time, concept: concept.id };
-  const exact = `response ${concept.response.toFixed(2)}, mean distance ${concept.distance.toFixed(2)} (Eq. 4); smaller is closer`;
+  const [response, distance] = [concept.response.toFixed(2), concept.distance.toFixed(2)];
+  const exact = `response ${response}, mean distance ${distance} (Eq. 4); smaller is closer`;
   return h(
     "li",
     { class: "rank", title: exact },
-    h("span", { class: "rank-title" }, h("a", { href: linkTo("concepts", place), class: "rank-name" }, title), h("span", { class: "fine" }, ` ${concept.prototypes} objects`)),
+    h(
+      "span",
+      { class: "rank-title" },
+      h("a", { href: linkTo("concepts", place), class: "rank-name" }, title),
+      h("span", { class: "fine" }, ` ${concept.prototypes} objects`),
+    ),
     h("span", { class: "bar-track", role: "img", "aria-label": exact }, bar),
     h("span", { class: "number fine" }, concept.response.toFixed(1)),
-    h("span", { class: "thumbnails" }, prototypesOf(concept.id, answer, model).map((object) => model.thumbnails.show(object, labelOf(model, object)))),
+    h(
+      "span",
+      { class: "thumbnails" },
+      prototypesOf(concept.id, answer, model).map((object) => model.thumbnails.show(object, labelOf(model, object))),
+    ),
   );
 }
 
@@ -109,7 +142,13 @@ function timings({ timings_ms: stages }) {
   const entry = ([stage, time]) => {
     const bar = h("span", { class: "bar-fill" });
     bar.style.width = `${Math.max(0.5, (100 * time) / total)}%`;
-    return h("li", {}, h("span", {}, stage), h("span", { class: "bar-track" }, bar), h("span", { class: "number fine" }, `${time.toFixed(1)} ms`));
+    return h(
+      "li",
+      {},
+      h("span", {}, stage),
+      h("span", { class: "bar-track" }, bar),
+      h("span", { class: "number fine" }, `${time.toFixed(1)} ms`),
+    );
   };
   return h(
     "section",

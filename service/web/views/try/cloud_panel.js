@@ -1,6 +1,6 @@
 /** The picture of the cloud, how it is coloured, and what is highlighted in it. */
 import { CloudView } from "../../parts/cloud_view.js";
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 import { loading } from "../../parts/states.js";
 import { paint, paintHeights, waysToColour } from "./painting.js";
 import { Seen } from "./seen.js";
@@ -15,7 +15,8 @@ export class CloudPanel {
     this.view = new CloudView({
       label: "The cloud",
       onHover: (point) => this.#tell(point),
-      onPick: (point) => this.seen?.scene && point >= 0 && this.seen.objects[point] >= 0 && onObject(this.seen.objects[point]),
+      onPick: (point) =>
+        this.seen?.scene && point >= 0 && this.seen.objects[point] >= 0 && onObject(this.seen.objects[point]),
     });
     this.onObject = onObject;
     this.choice = h("select", { id: "colour", change: () => this.#choose() });
@@ -24,8 +25,14 @@ export class CloudPanel {
     this.legend = h("div", { class: "legend" });
     this.over = h("div", { class: "cloud-over" });
     const bar = h("div", { class: "bar" }, this.title, h("label", { for: "colour" }, "Coloured by ", this.choice));
-    this.element = h("section", { class: "panel try-cloud hidden", "aria-label": "Picture of the cloud" }, bar,
-      h("div", { class: "cloud-frame" }, this.view.element, this.over), this.legend, this.told);
+    this.element = h(
+      "section",
+      { class: "panel try-cloud hidden", "aria-label": "Picture of the cloud" },
+      bar,
+      h("div", { class: "cloud-frame" }, this.view.element, this.over),
+      this.legend,
+      this.told,
+    );
   }
 
   close() {
@@ -55,9 +62,11 @@ export class CloudPanel {
     this.drawn = drawn;
     this.over.replaceChildren();
     this.view.setPoints(drawn.points);
-    const thinned = drawn.count < drawn.measured ? `, of which ${number(drawn.count)} are drawn` : "";
-    const missing = drawn.inFile - drawn.measured ? `; ${number(drawn.inFile - drawn.measured)} of the file were not measured` : "";
-    this.resting = `${number(drawn.measured)} points${thinned}${missing}. Drag to turn, shift-drag to move, + and − zoom.`;
+    const thinned = drawn.count < drawn.measured ? `, of which ${counted(drawn.count)} are drawn` : "";
+    const missing =
+      drawn.inFile - drawn.measured ? `; ${counted(drawn.inFile - drawn.measured)} of the file were not measured` : "";
+    this.resting =
+      `${counted(drawn.measured)} points${thinned}${missing}. ` + "Drag to turn, shift-drag to move, + and − zoom.";
     this.told.textContent = this.resting;
     this.recolour();
   }
@@ -75,14 +84,17 @@ export class CloudPanel {
     if (!this.seen) return;
     const wanted = new Set(segments ?? []);
     const own = (point) => this.object === null || this.seen.objects[point] === this.object;
-    const lit = segments && Uint8Array.from({ length: this.drawn.count }, (_, point) => own(point) && wanted.has(this.seen.segments[point]));
+    const lit =
+      segments &&
+      Uint8Array.from({ length: this.drawn.count }, (_, point) => own(point) && wanted.has(this.seen.segments[point]));
     this.view.setHighlight(lit);
   }
 
   /** Marks the object of a scene that is shown. */
   chooseObject(object) {
     this.object = this.seen?.scene === false ? null : object;
-    for (const mark of this.view.marks.children) mark.setAttribute("aria-pressed", String(Number(mark.dataset.object) === object));
+    for (const mark of this.view.marks.children)
+      mark.setAttribute("aria-pressed", String(Number(mark.dataset.object) === object));
     if (this.seen) this.recolour();
   }
 
@@ -108,7 +120,11 @@ export class CloudPanel {
   #mark(object) {
     const pick = () => this.onObject(object.number);
     const name = `Object ${object.number}${object.answer ? "" : ", not answered"}`;
-    const element = h("button", { type: "button", class: "mark", title: name, "aria-label": name, "data-object": object.number, click: pick }, object.number);
+    const element = h(
+      "button",
+      { type: "button", class: "mark", title: name, "aria-label": name, "data-object": object.number, click: pick },
+      object.number,
+    );
     return { position: object.sensor_position_m, element };
   }
 
@@ -121,11 +137,11 @@ export class CloudPanel {
     const where = this.seen.scene && object >= 0 ? `Object ${object}, ` : "";
     const explained = this.seen.answers[object]?.explanation.segments[segment];
     this.told.textContent = explained
-      ? `${where}segment ${segment}: ${Math.round(100 * explained.share)} % of what was seen, words ${explained.words.join(", ")}`
+      ? `${where}segment ${segment}: ${percent(explained.share)} of what was seen, words ${explained.words.join(", ")}`
       : `${where || "This point is "}part of no ${where ? "segment" : "object"}`;
   }
 }
 
-function number(count) {
-  return count.toLocaleString("en");
+function percent(share) {
+  return `${Math.round(100 * share)} %`;
 }

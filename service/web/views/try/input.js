@@ -1,6 +1,6 @@
 /** What is asked about: a file that was dropped or picked, or a sample; and how it is to be read. */
 import * as api from "../../api.js";
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 
 /**
  * @typedef {Object} Cloud
@@ -52,7 +52,8 @@ export class Input {
   /** The sample of a file's name, null where there is none. @returns {Promise<Cloud|null>} */
   async sample(file) {
     const sample = this.samples.find((one) => one.file === file);
-    for (const button of this.buttons.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.dataset.file === file));
+    for (const button of this.buttons.querySelectorAll("button"))
+      button.setAttribute("aria-pressed", String(button.dataset.file === file));
     if (!sample) return null;
     const data = await (await api.request(`page/samples/${sample.file}`)).blob();
     this.element.querySelector(`[value=${sample.scene ? "scene" : "object"}]`).checked = true;
@@ -81,25 +82,41 @@ export class Input {
   }
 
   #fill() {
-    this.file = h("input", { type: "file", class: "unseen", id: "file", change: () => this.file.files[0] && this.#take(this.file.files[0]) });
+    this.file = h("input", {
+      type: "file",
+      class: "unseen",
+      id: "file",
+      change: () => this.file.files[0] && this.#take(this.file.files[0]),
+    });
     this.kind = h(
       "fieldset",
       { class: "choice", change: () => this.current && this.#tell(this.current) },
       h("legend", { class: "unseen" }, "What the file shows"),
-      [["object", "One object"], ["scene", "A whole scene"]].map(([value, text]) =>
+      [
+        ["object", "One object"],
+        ["scene", "A whole scene"],
+      ].map(([value, text]) =>
         h("label", {}, h("input", { type: "radio", name: "kind", value, checked: value === "object" }), ` ${text}`),
       ),
     );
     return h(
       "section",
       { class: "panel try-input", "aria-label": "Cloud" },
-      h("div", { class: "drop" }, h("label", { for: "file", class: "button" }, "Pick a file"), this.file, h("span", {}, " or drop one"), this.kind),
+      h(
+        "div",
+        { class: "drop" },
+        h("label", { for: "file", class: "button" }, "Pick a file"),
+        this.file,
+        h("span", {}, " or drop one"),
+        this.kind,
+      ),
       this.#options(),
     );
   }
 
   #options() {
-    const field = (name, label, more) => h("div", {}, h("label", { for: `read-${name}` }, label), h("input", { id: `read-${name}`, name, ...more }));
+    const field = (name, label, more) =>
+      h("div", {}, h("label", { for: `read-${name}` }, label), h("input", { id: `read-${name}`, name, ...more }));
     this.reading = h(
       "form",
       {
@@ -109,14 +126,30 @@ export class Input {
           if (this.current) this.#tell(this.current);
         },
       },
-      h("div", {}, h("label", { for: "read-unit" }, "Unit"), h("select", { id: "read-unit", name: "unit" }, h("option", { value: "" }, "the file's own, or metres"), UNITS.map((unit) => h("option", {}, unit)))),
+      h(
+        "div",
+        {},
+        h("label", { for: "read-unit" }, "Unit"),
+        h(
+          "select",
+          { id: "read-unit", name: "unit" },
+          h("option", { value: "" }, "the file's own, or metres"),
+          UNITS.map((unit) => h("option", {}, unit)),
+        ),
+      ),
       field("viewpoint", "Viewpoint of the sensor", { placeholder: "x,y,z or x,y,z,qw,qx,qy,qz" }),
       field("intrinsics", "Camera of a depth image", { placeholder: "fx,fy,cx,cy" }),
       field("depth_scale", "Metres of a depth of 1", { type: "number", step: "any", min: "0", placeholder: "0.001" }),
       field("mask", "Mask of a depth image", { type: "file" }),
       h("button", { type: "submit" }, "Ask again"),
     );
-    return h("details", {}, h("summary", {}, "Formats, unit, viewpoint, depth camera"), h("p", { class: "fine" }, `Taken: ${FORMATS}.`), this.reading);
+    return h(
+      "details",
+      {},
+      h("summary", {}, "Formats, unit, viewpoint, depth camera"),
+      h("p", { class: "fine" }, `Taken: ${FORMATS}.`),
+      this.reading,
+    );
   }
 
   #button(sample) {
@@ -124,8 +157,12 @@ export class Input {
       this.place.set({ sample: sample.file }, { push: true });
       this.onSample();
     };
-    const title = `${sample.points.toLocaleString("en")} points`;
-    return h("button", { type: "button", "data-file": sample.file, "aria-pressed": "false", title, click: choose }, sample.title);
+    const title = `${counted(sample.points)} points`;
+    return h(
+      "button",
+      { type: "button", "data-file": sample.file, "aria-pressed": "false", title, click: choose },
+      sample.title,
+    );
   }
 
   #take(file) {
@@ -138,7 +175,9 @@ export class Input {
   /** Asks about a file, read as the form says. */
   #tell({ name, data }) {
     const given = new FormData(this.reading);
-    const reading = Object.fromEntries(["unit", "viewpoint", "intrinsics", "depth_scale"].map((one) => [one, given.get(one).trim()]));
+    const reading = Object.fromEntries(
+      ["unit", "viewpoint", "intrinsics", "depth_scale"].map((one) => [one, given.get(one).trim()]),
+    );
     const mask = given.get("mask");
     const scene = this.kind.querySelector("[value=scene]").checked;
     this.current = { name, data, mask: mask.size ? mask : null, scene, reading };

@@ -1,5 +1,5 @@
 /** The objects of a scene, of which one is shown. */
-import { h } from "../../parts/elements.js";
+import { counted, h } from "../../parts/elements.js";
 import { titleOf } from "../../parts/model.js";
 
 /**
@@ -16,7 +16,12 @@ export function objectsPanel(answer, model, chosen, onChoose) {
     const size = `${object.box.size_m.map(centimetres).join(" × ")} cm, ${object.distance_m.toFixed(2)} m away`;
     return h(
       "button",
-      { type: "button", class: "object", "aria-pressed": String(object.number === chosen), click: () => onChoose(object.number) },
+      {
+        type: "button",
+        class: "object",
+        "aria-pressed": String(object.number === chosen),
+        click: () => onChoose(object.number),
+      },
       h("span", { class: "mark" }, object.number),
       h("span", {}, said, h("span", { class: "fine block" }, size)),
     );
@@ -29,6 +34,12 @@ export function objectsPanel(answer, model, chosen, onChoose) {
     answer.warnings.map((warning) => h("p", { class: "warning" }, warning)),
     h("div", { class: "objects" }, answer.objects.map(entry)),
     answer.left_out.length > 0 &&
-      h("p", { class: "fine" }, "Left out: ", answer.left_out.map((left) => `${left.points.toLocaleString("en")} points, ${left.detail}`).join("; "), "."),
+      h(
+        "p",
+        { class: "fine" },
+        "Left out: ",
+        answer.left_out.map((left) => `${counted(left.points)} points, ${left.detail}`).join("; "),
+        ".",
+      ),
   );
 }

@@ -5,8 +5,13 @@ import { titleOf } from "../../parts/model.js";
 
 /** The ways to colour a cloud, as values and words for a choice. @param {import("./seen.js").Seen|null} seen */
 export function waysToColour(seen) {
-  const words = Array.from({ length: seen?.levels ?? 0 }, (_, i) => [`word-${i + 1}`, `Visual word, of ${2 ** (i + 1)}`]);
-  return seen ? [["segment", "Segment"], ...words, ["concept", "Concept"], ["height", "Height"]] : [["height", "Height"]];
+  const words = Array.from({ length: seen?.levels ?? 0 }, (_, i) => [
+    `word-${i + 1}`,
+    `Visual word, of ${2 ** (i + 1)}`,
+  ]);
+  return seen
+    ? [["segment", "Segment"], ...words, ["concept", "Concept"], ["height", "Height"]]
+    : [["height", "Height"]];
 }
 
 /**
@@ -19,10 +24,11 @@ export function waysToColour(seen) {
  */
 export function paint(way, seen, object) {
   if (way === "height") return paintHeights(seen.drawn, (point) => seen.height(point));
-  const numberOf = {
-    segment: (point) => seen.segments[point],
-    concept: (point) => seen.concept(point),
-  }[way] ?? ((point) => seen.word(point, Number(way.slice(5))));
+  const numberOf =
+    {
+      segment: (point) => seen.segments[point],
+      concept: (point) => seen.concept(point),
+    }[way] ?? ((point) => seen.word(point, Number(way.slice(5))));
   const colour = way === "concept" ? (concept) => seen.model.tree.colour(concept) : colourOf;
   const pixels = new Map();
   const counts = new Map();
@@ -48,9 +54,20 @@ export function paintHeights(drawn, heightOf) {
   const sorted = Float32Array.from(heights).sort();
   const [low, high] = [0.01, 0.99].map((share) => sorted[Math.floor(share * (sorted.length - 1))]);
   const ramp = Array.from({ length: 64 }, (_, step) => toPixel(heightColour(step / 63)));
-  const colours = Uint32Array.from(heights, (height) => ramp[Math.round(63 * Math.min(1, Math.max(0, (height - low) / (high - low || 1))))]);
-  const bar = h("span", { class: "legend-ramp" }, Array.from({ length: 16 }, (_, step) => step / 15).map((share) => swatch(heightColour(share))));
-  return { colours, legend: [h("span", { class: "legend-entry" }, "low ", bar, ` high, ${((high - low) * 100).toFixed(1)} cm`)], note: "" };
+  const colours = Uint32Array.from(
+    heights,
+    (height) => ramp[Math.round(63 * Math.min(1, Math.max(0, (height - low) / (high - low || 1))))],
+  );
+  const bar = h(
+    "span",
+    { class: "legend-ramp" },
+    Array.from({ length: 16 }, (_, step) => step / 15).map((share) => swatch(heightColour(share))),
+  );
+  return {
+    colours,
+    legend: [h("span", { class: "legend-entry" }, "low ", bar, ` high, ${((high - low) * 100).toFixed(1)} cm`)],
+    note: "",
+  };
 }
 
 /** A small square of a colour. */

@@ -31,8 +31,8 @@ export class Seen {
   }
 
   /**
-   * The concept of a drawn point, -1 for none. In a scene: the best one of its object. Of a lone object: the one, at the
-   * answer's time, of the training object a part of which is most like the point's segment.
+   * The concept of a drawn point, -1 for none. In a scene: the best one of its object. Of a lone object: the one, at
+   * the answer's time, of the training object a part of which is most like the point's segment.
    */
   concept(point) {
     const object = this.objects[point];
@@ -81,9 +81,5 @@ function intoSensorFrame([x, y, z], [, , , w, qx, qy, qz]) {
   const length = Math.hypot(w, qx, qy, qz);
   const [a, b, c, d] = [w / length, -qx / length, -qy / length, -qz / length];
   const t = [2 * (c * z - d * y), 2 * (d * x - b * z), 2 * (b * y - c * x)];
-  return [
-    x + a * t[0] + c * t[2] - d * t[1],
-    y + a * t[1] + d * t[0] - b * t[2],
-    z + a * t[2] + b * t[1] - c * t[0],
-  ];
+  return [x + a * t[0] + c * t[2] - d * t[1], y + a * t[1] + d * t[0] - b * t[2], z + a * t[2] + b * t[1] - c * t[0]];
 }

@@ -17,11 +17,23 @@ export function whyPanel({ explanation }, model, { highlight }) {
     h("h2", {}, "Why"),
     h("p", { class: "fine" }, "Point at, or tab to, a row: its segments stand out in the cloud."),
     h("h3", {}, "Motifs that fired"),
-    h("ul", { class: "lines" }, explanation.vertices.map((vertex) => motif(vertex, strongest, model, highlight))),
+    h(
+      "ul",
+      { class: "lines" },
+      explanation.vertices.map((vertex) => motif(vertex, strongest, model, highlight)),
+    ),
     h("h3", {}, "Segments"),
-    h("ul", { class: "lines" }, explanation.segments.map((segment, number) => segmentRow(segment, number, model, highlight))),
+    h(
+      "ul",
+      { class: "lines" },
+      explanation.segments.map((segment, number) => segmentRow(segment, number, model, highlight)),
+    ),
     h("h3", {}, "Training objects most like the whole"),
-    h("div", { class: "thumbnails" }, explanation.wholes.map((near) => likeness(near, model, "nats"))),
+    h(
+      "div",
+      { class: "thumbnails" },
+      explanation.wholes.map((near) => likeness(near, model, "nats")),
+    ),
   );
 }
 
@@ -40,10 +52,32 @@ function motif(vertex, strongest, model, highlight) {
   return lighting(
     vertex.segments,
     highlight,
-    h("span", { class: "line-title" }, `Word${vertex.words.length > 1 ? "s" : ""} ${words}`, h("span", { class: "fine block" }, `level ${vertex.level} of ${from}; ${vertex.prototypes} motif prototypes`)),
-    h("span", { class: "swatches" }, vertex.segments.map((segment) => swatch(colourOf(segment)))),
-    h("span", { class: "bar-track", role: "img", "aria-label": `stimulus ${vertex.stimulus.toPrecision(3)}`, title: `stimulus ${vertex.stimulus.toPrecision(3)}` }, bar),
-    h("span", { class: "thumbnails" }, vertex.nearest.map((near) => likeness(near, model, "nats"))),
+    h(
+      "span",
+      { class: "line-title" },
+      `Word${vertex.words.length > 1 ? "s" : ""} ${words}`,
+      h("span", { class: "fine block" }, `level ${vertex.level} of ${from}; ${vertex.prototypes} motif prototypes`),
+    ),
+    h(
+      "span",
+      { class: "swatches" },
+      vertex.segments.map((segment) => swatch(colourOf(segment))),
+    ),
+    h(
+      "span",
+      {
+        class: "bar-track",
+        role: "img",
+        "aria-label": `stimulus ${vertex.stimulus.toPrecision(3)}`,
+        title: `stimulus ${vertex.stimulus.toPrecision(3)}`,
+      },
+      bar,
+    ),
+    h(
+      "span",
+      { class: "thumbnails" },
+      vertex.nearest.map((near) => likeness(near, model, "nats")),
+    ),
   );
 }
 
@@ -51,13 +85,29 @@ function segmentRow(segment, number, model, highlight) {
   return lighting(
     [number],
     highlight,
-    h("span", { class: "line-title" }, `Segment ${number}`, h("span", { class: "fine block" }, `${Math.round(100 * segment.share)} % of the surface, ${(100 * segment.extent_m).toFixed(1)} cm`)),
+    h(
+      "span",
+      { class: "line-title" },
+      `Segment ${number}`,
+      h(
+        "span",
+        { class: "fine block" },
+        `${Math.round(100 * segment.share)} % of the surface, ${(100 * segment.extent_m).toFixed(1)} cm`,
+      ),
+    ),
     h("span", { class: "swatches" }, swatch(colourOf(number))),
     h("span", { class: "fine" }, `words ${segment.words.join(", ")}`),
-    h("span", { class: "thumbnails" }, segment.nearest.map((near) => likeness(near, model, "nats"))),
+    h(
+      "span",
+      { class: "thumbnails" },
+      segment.nearest.map((near) => likeness(near, model, "nats")),
+    ),
   );
 }
 
 function likeness(near, model, unit) {
-  return model.thumbnails.show(near.object, `${labelOf(model, near.object)}: ${near.distance.toPrecision(3)} ${unit} away`);
+  return model.thumbnails.show(
+    near.object,
+    `${labelOf(model, near.object)}: ${near.distance.toPrecision(3)} ${unit} away`,
+  );
 }

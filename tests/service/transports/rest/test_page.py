@@ -77,3 +77,31 @@ def test_nobody_needs_a_key_to_load_the_page(guarded: httpx.Client) -> None:
     assert guarded.get("/").status_code == 200
     assert guarded.get("/page/app.js").status_code == 200
     assert guarded.get("/v1/models").status_code == 401
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of "#rrggbb" (WCAG 2.2)."""
+    shares = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    linear = [share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_from_every_ground_in_light_and_dark(scheme: str) -> None:
+    style = web_files()["style.css"].content.decode()
+    blocks = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
+    chosen = dict(re.findall(r"--([a-z-]+): (#[0-9a-f]{6});", blocks[0 if scheme == "light" else 1]))
+    grounds = ("ground", "surface", "raised", "accent-soft", "warn-soft", "bad-soft")
+    pairs = [(ink, ground) for ink in ("ink", "faint") for ground in grounds[:4]]
+    pairs += [("ink", ground) for ground in grounds[4:]]
+    pairs += [("accent", "surface"), ("accent", "accent-soft"), ("on-accent", "accent"), ("good", "surface")]
+    pairs += [("warn", "warn-soft"), ("bad", "bad-soft"), ("bad", "surface"), ("focus", "ground")]
+    for ink, ground in pairs:
+        dark, light = sorted((luminance(chosen[ink]), luminance(chosen[ground])))
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, f"{ink} on {ground}"
+
+
+def test_every_colour_of_the_light_page_has_one_of_the_dark_page() -> None:
+    light, dark = re.findall(r":root \{(.*?)\}", web_files()["style.css"].content.decode(), re.DOTALL)[:2]
+    named = [set(re.findall(r"--([a-z-]+): (?:#|0 |none)", block)) for block in (light, dark)]
+    assert named[0] == named[1]
