@@ -11,7 +11,8 @@ const LONGEST = 15000;
  * @param {Object} how
  * @param {Object} [how.query] parameters.
  * @param {AbortSignal} how.signal ends it.
- * @param {function({kind: string, id: string, data: string}): (boolean|void)} how.on is given each event; false: the last.
+ * @param {function({kind: string, id: string, data: string}): (boolean|void)} how.on is given each event, and returns
+ *   false for the last.
  * @param {function(boolean, ?Problem): void} [how.connected] is told when it is connected, and when it is not and why.
  * @throws {Problem} the service refused, and would again.
  */

@@ -165,5 +165,6 @@ function noStreams() {
 
 function nothingYet(keys) {
   return empty("Nothing has come yet. Whatever cloud is published over zenoh on ",
-    h("p", {}, keys.map((key, place) => [place > 0 && " or ", h("code", {}, key)])), h("p", {}, "appears here, answered."));
+    h("p", {}, keys.map((key, place) => [place > 0 && " or ", h("code", {}, key)])),
+    h("p", {}, "appears here, answered."));
 }

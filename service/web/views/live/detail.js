@@ -105,7 +105,8 @@ function nameOf({ answer, error }) {
 }
 
 function problemOf(problem) {
-  return [h("div", { class: "state state-error" }, h("p", { class: "title" }, problem.title), h("p", {}, problem.detail))];
+  return [h("div", { class: "state state-error" }, h("p", { class: "title" }, problem.title),
+    h("p", {}, problem.detail))];
 }
 
 function factsOf({ answer, problem, latency_s: latency }) {

@@ -53,7 +53,8 @@ export class Robots {
     const [said, rate, latency] = [h("span", { class: "said" }), h("span", { class: "number fine" }),
       h("span", { class: "number fine" })];
     const button = h("button", { type: "button", "aria-current": String(key === this.chosen),
-      click: () => this.choosing(key) }, h("span", { class: "key" }, key), said, h("span", { class: "row" }, rate, latency));
+      click: () => this.choosing(key) }, h("span", { class: "key" }, key), said,
+    h("span", { class: "row" }, rate, latency));
     const line = { item: h("li", {}, button), button, said, rate, latency, times: [], dropped: 0 };
     this.lines.set(key, line);
     if (this.lines.size > MOST) {

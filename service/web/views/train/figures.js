@@ -17,7 +17,8 @@ export function figures(told, before = null) {
     const bar = h("span", { class: "bar-track" }, h("span", { class: "bar-fill" }));
     bar.firstChild.style.width = `${100 * Math.min(1, Math.max(0, value))}%`;
     const change = before && name in before ? value - before[name] : null;
-    return h("tr", {}, h("th", { scope: "row" }, name, MEANING[name] && h("span", { class: "fine" }, ` ${MEANING[name]}`)),
+    const meaning = MEANING[name] && h("span", { class: "fine" }, ` ${MEANING[name]}`);
+    return h("tr", {}, h("th", { scope: "row" }, name, meaning),
       h("td", {}, bar), h("td", { class: "number" }, value.toFixed(3)),
       before && h("td", { class: `number ${change < 0 ? "worse" : "better"}` },
         change === null ? "–" : `${change < 0 ? "−" : "+"}${Math.abs(change).toFixed(3)}`));

@@ -70,7 +70,7 @@ export class SimulationFields {
     this.renderer = h("select", {}, h("option", { value: "sapien" }, "SAPIEN"),
       h("option", { value: "raycast" }, "ray casting"));
     this.element = h("fieldset", {}, h("legend", {}, "Simulated objects"),
-      h("div", { class: "row" }, h("span", {}, "composed of"), this.from, h("span", {}, "to"), this.to,
+      h("div", { class: "row counted" }, h("span", {}, "composed of"), this.from, h("span", {}, "to"), this.to,
         h("span", {}, "parts")),
       h("div", { class: "two" }, field("Noise of the sensor", this.noise), field("Renderer", this.renderer)),
       h("p", { class: "fine" }, "Ray casting is for workers on which SAPIEN finds no graphics driver."));

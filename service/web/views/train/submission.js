@@ -81,7 +81,7 @@ class LearnForm {
     this.labelled = h("select", { change: () => this.tidy() });
     this.promote = h("select", { change: () => this.tidy() },
       h("option", { value: "always" }, "always"),
-      h("option", { value: "not-worse" }, "if not worse by the labels"),
+      h("option", { value: "not-worse" }, "if not worse"),
       h("option", { value: "never" }, "never, I do it by hand"));
     this.tolerance = number({ value: 0.02, min: 0, max: 1, step: "any" });
     this.tolerated = field("A figure may be lower by", this.tolerance, "of 1, each");

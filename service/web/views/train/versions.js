@@ -89,7 +89,8 @@ export function versionsPanel(context) {
     if (serving === undefined) return h("p", { class: "fine" }, "None of them serves: promote one.");
     if (before === undefined) return h("p", { class: "fine" }, `No version served before version ${serving}.`);
     return h("p", { class: "buttons" }, h("button", { type: "button", class: "danger",
-      click: (event) => rollBack(event.currentTarget, model.name, serving, before) }, `Roll back to version ${before}`));
+      click: (event) => rollBack(event.currentTarget, model.name, serving, before) },
+    `Roll back to version ${before}`));
   }
 
   async function promote(button, reference) {
