@@ -405,3 +405,31 @@ def test_a_job_is_submitted_by_keys_alone(visit: Visiting, host: str) -> None:
     page.keyboard.press("Enter")
     state(page, "queued")
     assert told(host, "jobs")["jobs"][0]["spec"]["kind"] == "simulate"
+
+
+def test_a_job_is_put_on_a_schedule_which_is_paused_and_removed(visit: Visiting, host: str) -> None:
+    visited = visit("#/train")
+    page = visited.page
+    page.get_by_text("14 clouds,").wait_for()
+    assert page.get_by_role("heading", name="Schedules").is_hidden()
+    page.get_by_label("Name of the model").fill("toys")
+    page.get_by_text("Again and again, on a schedule").click()
+    page.get_by_label("Times").fill("0 25 * * *")
+    page.get_by_role("button", name="Make the schedule").click()
+    page.get_by_role("alert").wait_for()
+    page.get_by_label("Times").fill("0 3 * * mon")
+    page.get_by_label("Time zone").fill("Europe/Berlin")
+    page.get_by_role("button", name="Make the schedule").click()
+    page.get_by_text("nightly is due next").wait_for()
+    (made,) = told(host, "schedules")["schedules"]
+    assert (made["cron"], made["zone"], made["job"]["name"]) == ("0 3 * * mon", "Europe/Berlin", "toys")
+    panel = page.locator("section", has=page.get_by_role("heading", name="Schedules"))
+    panel.get_by_role("button", name="Pause").click()
+    panel.get_by_role("button", name="Resume").wait_for()
+    assert told(host, "schedules")["schedules"][0]["state"] == "paused"
+    panel.get_by_role("button", name="Remove").click()
+    page.get_by_role("dialog").get_by_role("button", name="Remove").click()
+    panel.wait_for(state="hidden")
+    assert told(host, "schedules")["schedules"] == []
+    assert told(host, "jobs")["jobs"] == []
+    visited.check((422, "/v1/schedules"))

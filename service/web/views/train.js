@@ -1,11 +1,13 @@
 /**
  * Train: clouds are kept in datasets, jobs learn models from them, and versions are judged, promoted and taken back.
  *
- * Four panels, a module of train/ each. `shared` carries what one of them has changed: "datasets", "jobs", "models".
+ * Each panel is a module of train/. `shared` carries what one of them has changed: "datasets", "jobs", "models",
+ * "schedules".
  */
 import { h } from "../parts/elements.js";
 import { datasetsPanel } from "./train/datasets.js";
 import { jobsPanel } from "./train/jobs.js";
+import { schedulesPanel } from "./train/schedules.js";
 import { submissionPanel } from "./train/submission.js";
 import { versionsPanel } from "./train/versions.js";
 
@@ -13,11 +15,12 @@ import { versionsPanel } from "./train/versions.js";
 export function show(root, place) {
   const leaving = new AbortController();
   const context = { place, shared: new EventTarget(), signal: leaving.signal };
-  const panels = [datasetsPanel, submissionPanel, jobsPanel, versionsPanel].map((make) => make(context));
-  const [datasets, submission, jobs, versions] = panels.map((panel) => panel.element);
+  const makers = [datasetsPanel, submissionPanel, jobsPanel, versionsPanel, schedulesPanel];
+  const panels = makers.map((make) => make(context));
+  const [datasets, submission, jobs, versions, schedules] = panels.map((panel) => panel.element);
   root.append(
     h("h1", { class: "unseen" }, "Train"),
-    h("div", { class: "train" }, h("div", {}, datasets, submission), h("div", {}, jobs, versions)),
+    h("div", { class: "train" }, h("div", {}, datasets, submission), h("div", {}, jobs, versions, schedules)),
   );
   return {
     changed: () => panels.forEach((panel) => panel.changed?.()),

@@ -3,6 +3,7 @@ import { get } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { failure } from "../../parts/states.js";
 import { datasetNames, doing, field, heard, models, tell, tick } from "./changes.js";
+import { scheduling } from "./schedules.js";
 import { ParameterFields, SimulationFields } from "./parameters.js";
 
 const NAME = "[a-z0-9][a-z0-9\\-]*";
@@ -24,13 +25,14 @@ export function submissionPanel(context) {
     const radio = h("input", { type: "radio", name: "kind", value: kind, change: () => choose(kind) });
     return h("label", {}, radio, h("span", {}, titles[kind]));
   });
+  const again = scheduling(context, () => (form.reportValidity() ? forms[kind].spec() : null));
   let kind = "train";
   let attempt = newId(); // a request that is repeated is one job
 
   function choose(chosen) {
     kind = chosen;
     kinds.forEach((label) => { label.firstChild.checked = label.firstChild.value === kind; });
-    form.replaceChildren(forms[kind].element, state, h("p", { class: "buttons" }, button));
+    form.replaceChildren(forms[kind].element, state, h("p", { class: "buttons" }, button), again);
     state.replaceChildren();
   }
 
