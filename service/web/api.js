@@ -4,6 +4,8 @@
  * Paths are relative to the page ("v1/models"), so that the service may stand behind a proxy under a path of its own.
  */
 const KEY = "shape-concepts-key";
+const ATTEMPTS = 5; // of a request that a busy service, or the limits of an access key, did not let in
+const LONGEST = 5; // seconds
 const keyChanges = new EventTarget();
 
 /** What went wrong, as RFC 9457 tells it; `status` 0: the service was not reached. */
@@ -33,7 +35,7 @@ export function onKeyChange(listener) {
 }
 
 /**
- * Sends a request; its answer was a success.
+ * Sends a request; its answer was a success. One that is not let in (429) is sent again after a pause.
  *
  * @param {string} path relative to the page; a leading / is taken for the service's root.
  * @param {Object} options of `fetch`; further: `query`: parameters, of which null ones are left out, `json`: a body.
@@ -51,15 +53,27 @@ export async function request(path, { query = {}, json, headers = {}, ...options
     sent["Content-Type"] = "application/json";
     options = { method: "POST", ...options, body: JSON.stringify(json) };
   }
-  let response;
+  for (let attempt = 1; ; attempt += 1) {
+    const response = await send(url, { ...options, headers: sent });
+    if (response.ok) return response;
+    if (response.status !== 429 || attempt === ATTEMPTS) throw await problemOf(response);
+    await pause(response.headers.get("retry-after"), attempt); // it was not let in: nothing was done yet
+  }
+}
+
+async function send(url, options) {
   try {
-    response = await fetch(url, { ...options, headers: sent });
+    return await fetch(url, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Problem({ detail: "The service cannot be reached. Is it still running, and is there a network?" });
   }
-  if (!response.ok) throw await problemOf(response);
-  return response;
+}
+
+/** Waits as long as the service asks for, and a little longer each time, so that requests do not come back at once. */
+function pause(asked, attempt) {
+  const seconds = Math.min(LONGEST, Number(asked) || 1) * (0.3 + 0.7 * Math.random()) * attempt;
+  return new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
 }
 
 /** As `request`; the answer's JSON. */

@@ -120,6 +120,16 @@ class TestTry:
         first = picture(page, CLOUD)
         assert len({plain, first, second}) == 3
 
+    def test_on_a_phone_the_cloud_stays_in_sight_while_its_explanation_is_read(self, visit: Visiting) -> None:
+        page = visit("#/try?sample=object-3.ply", PHONE).page
+        page.wait_for_selector(".why .line")
+        page.locator(".why .line").last.focus()
+        page.wait_for_timeout(300)
+        cloud, line = page.locator(CLOUD).bounding_box(), page.locator(".why .line").last.bounding_box()
+        assert cloud is not None
+        assert line is not None
+        assert 0 <= cloud["y"] < cloud["y"] + cloud["height"] <= line["y"] < PHONE[1]
+
     def test_every_way_to_colour_a_cloud_has_a_legend_and_stands_in_the_url(self, visit: Visiting) -> None:
         visited = visit("#/try?sample=object-4.ply")
         page = visited.page
@@ -379,7 +389,7 @@ class TestEverywhere:
     ) -> None:
         place = Place(tmp_path, access="keys")
         place.store.publish(learnt(), name="toys", seed=5, source={})
-        asker = KeyStore(place.store.url).create("page", ("answer",))
+        asker = KeyStore(place.store.url).create("page", ("answer",), concurrency=1)
         port = free_port()
         with place.api(port):
             visited = Visit(browser, f"http://127.0.0.1:{port}")
@@ -393,7 +403,7 @@ class TestEverywhere:
             page.get_by_role("button", name="Use it").click()
             page.locator(".concept-row").first.click()
             page.wait_for_selector(".prototypes .thumbnail")
-            page.wait_for_timeout(300)
+            page.wait_for_load_state("networkidle")
             assert page.locator(".thumbnail.missing").count() == 0
             page.get_by_label("Name", exact=True).fill("block")
             page.get_by_role("button", name="Save").click()
@@ -401,7 +411,8 @@ class TestEverywhere:
             assert page.evaluate("[localStorage.length, document.cookie]") == [0, ""]
             statuses = {status for status, _ in visited.refusals}
             visited.close()
-            assert (visited.complaints, visited.elsewhere, statuses) == ([], [], {401, 403})
+            assert (visited.complaints, visited.elsewhere) == ([], [])
+            assert {401, 403} <= statuses <= {401, 403, 429}  # requests that were not let in were sent again
 
     def test_a_service_that_is_away_is_told_and_can_be_tried_again(self, browser: Browser, tmp_path: Path) -> None:
         place = Place(tmp_path)

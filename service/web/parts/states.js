@@ -20,6 +20,7 @@ export function loading(what = "Loading …") {
  */
 export function failure(error, { again } = {}) {
   if (error.status === 401 || error.status === 403) return refused(error);
+  if (error.status === undefined) console.error(error); // a fault of the page: whoever mends it wants to know where
   const passing = !error.status || error.status === 429 || error.status >= 500;
   const parts = [h("p", { class: "title" }, error.title ?? "The page failed"), h("p", {}, error.message)];
   if (error.instance) parts.push(h("p", { class: "fine" }, `Request ${error.instance}`));

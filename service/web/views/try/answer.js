@@ -120,15 +120,18 @@ function row(concept, closeness, answer, model) {
     h(
       "span",
       { class: "thumbnails" },
-      prototypesOf(concept.id, answer, model).map((object) => model.thumbnails.show(object, labelOf(model, object))),
+      prototypesOf(concept.id, answer, model).map(({ object, label }) => model.thumbnails.show(object, label)),
     ),
   );
 }
 
 /** The prototypes of a concept that are shown: those nearest to the cloud, where that is told, then others. */
 function prototypesOf(concept, answer, model) {
-  const told = answer.explanation?.concepts.find((one) => one.id === concept)?.nearest.map((near) => near.object) ?? [];
-  return [...new Set([...told, ...model.tree.objectsOf(concept)])].slice(0, PROTOTYPES);
+  const told = answer.explanation?.concepts.find((one) => one.id === concept)?.nearest ?? [];
+  const away = new Map(told.map((near) => [near.object, `: Mahalanobis distance ${near.distance.toPrecision(3)}`]));
+  return [...new Set([...away.keys(), ...model.tree.objectsOf(concept)])]
+    .slice(0, PROTOTYPES)
+    .map((object) => ({ object, label: labelOf(model, object) + (away.get(object) ?? "") }));
 }
 
 /** What a training object is called. */

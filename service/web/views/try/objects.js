@@ -26,11 +26,11 @@ export function objectsPanel(answer, model, chosen, onChoose) {
       h("span", {}, said, h("span", { class: "fine block" }, size)),
     );
   };
-  const counted = answer.objects.length === 1 ? "1 object stands" : `${answer.objects.length} objects stand`;
+  const standing = answer.objects.length === 1 ? "1 object stands" : `${answer.objects.length} objects stand`;
   return h(
     "section",
     { class: "panel", "aria-label": "Objects of the scene" },
-    h("h2", {}, `${counted} on the plane`),
+    h("h2", {}, `${standing} on the plane`),
     answer.warnings.map((warning) => h("p", { class: "warning" }, warning)),
     h("div", { class: "objects" }, answer.objects.map(entry)),
     answer.left_out.length > 0 &&
