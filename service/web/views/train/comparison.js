@@ -3,6 +3,7 @@ import { get } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 import { count } from "../../parts/words.js";
+import { linkTo } from "../../place.js";
 import { figures } from "./figures.js";
 
 const FATES = {
@@ -51,16 +52,17 @@ function fates(told) {
 }
 
 function concepts(told) {
-  const called = (concept) => concept.name ?? `concept ${concept.id}`;
-  const related = (concept) => concept.concepts.slice(0, 3).map((other) => h("div", {}, called(other),
+  const called = (version, concept) => h("a", { href: linkTo("concepts", { model: `${version.model}:${version.version}`,
+    concept: concept.id, time: version.time }) }, concept.name ?? `Concept ${concept.id}`);
+  const related = (concept) => concept.concepts.slice(0, 3).map((other) => h("div", {}, called(told.new, other),
     h("span", { class: "fine" }, ` ${Math.round(100 * other.jaccard)} % alike`)));
-  const olds = told.old_concepts.map((concept) => h("tr", {}, h("th", { scope: "row" }, called(concept)),
+  const olds = told.old_concepts.map((concept) => h("tr", {}, h("th", { scope: "row" }, called(told.old, concept)),
     h("td", { class: "number" }, concept.prototypes),
     h("td", {}, h("span", { class: `swatch fate-${concept.fate}` }), ` ${FATES[concept.fate]}`),
     h("td", {}, related(concept))));
   const fresh = told.new_concepts.filter((concept) => concept.origin === "appears").map((concept) => h("tr", {},
     h("th", { scope: "row" }, "–"), h("td", { class: "number" }, concept.prototypes),
-    h("td", {}, h("span", { class: "swatch fate-appears" }), " new"), h("td", {}, called(concept))));
+    h("td", {}, h("span", { class: "swatch fate-appears" }), " new"), h("td", {}, called(told.new, concept))));
   const heads = ["Concept", "Objects", "Became", "In the other version"];
   return h("div", { class: "wide tall" }, h("table", {}, h("thead", {}, h("tr", {}, heads.map((head) =>
     h("th", { scope: "col" }, head)))), h("tbody", {}, olds, fresh)));
