@@ -33,6 +33,8 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
         "shape-concepts respond --model default --json --segments mug.pcd",
         "shape-concepts respond --intrinsics 525,525,319.5,239.5 --mask mask.png depth.png",
         "shape-concepts respond --model default --scene --top 3 table.pcd",
+        "shape-concepts respond --html mug.html mug.pcd",
+        "shape-concepts respond --save mug.rrd mug.pcd",
     )
 )
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
@@ -64,6 +66,18 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.option("--explain", is_flag=True, help="Say why: segments, motif vertices that fired, nearest prototypes.")
 @click.option("--segments", is_flag=True, help="With --json: the segment of each point, -1 for none.")
 @click.option("--scene", is_flag=True, help="The clouds are whole scenes: answer each object on a table or a floor.")
+@click.option(
+    "--html",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the clouds and their answers into a page that needs no server and no network.",
+)
+@click.option(
+    "--save",
+    metavar="FILE.rrd",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="The same as a recording for Rerun's viewer (extra rerun).",
+)
 @json_option
 @store_option
 def respond(
@@ -80,6 +94,8 @@ def respond(
     explain: bool,
     segments: bool,
     scene: bool,
+    html: Path | None,
+    save: Path | None,
     as_json: bool,
     store: str | None,
 ) -> None:
@@ -96,6 +112,11 @@ def respond(
     said = _said_of_clouds(unit, viewpoint, intrinsics, depth_scale)
     if mask and len(clouds) > 1:
         raise click.BadParameter("It belongs to one depth image; give one CLOUD.", param_hint="--mask")
+    drawing = None
+    if html or save:
+        from service.commands.drawing import Drawing, as_asked
+
+        drawing = Drawing(html, save, len(clouds))
     try:
         application = application_of(store)
         name, version = application.prepare(model)
@@ -118,10 +139,13 @@ def respond(
                     time=time,
                     top=top or (None if as_json else TOP),
                     stimuli=stimuli,
-                    explain=explain,
-                    segments=segments,
+                    explain=explain or drawing is not None,
+                    segments=segments or drawing is not None,
                     on_stage=on_stage,
                 )
+            if drawing:
+                drawing.add(application, cloud, answer)
+                answer = as_asked(answer, explain=explain, segments=segments)
         except Exception as error:
             failed += 1
             _report(file, error, as_json)
@@ -138,6 +162,8 @@ def respond(
                 tables.show_answer(file, answer)
                 if answer.explanation:
                     tables.show_explanation(answer.explanation, thumbnail)
+    if drawing:
+        drawing.write()
     if failed:
         sys.exit(1)
 

@@ -165,6 +165,50 @@ def test_the_objects_of_a_scene_are_answered_to_programs_and_people(folder: Path
     assert "motif vertices" in said
 
 
+def test_answers_are_drawn_into_files_and_printed_as_without(folder: Path) -> None:
+    plain = lines(run("respond", "--model", "tiny", "--json", "good.ply"))
+    drawn = run(
+        "respond", "--model", "tiny", "--json", "--html", "two.html", "--save", "two.rrd", "good.ply", "good.ply"
+    )
+    assert drawn.exit_code == 0, drawn.output
+    assert "Wrote two.html" in drawn.stderr
+    assert "Wrote two.rrd" in drawn.stderr
+    assert [set(line) for line in lines(drawn)] == [set(plain[0])] * 2
+    assert lines(drawn)[0]["responses"] == plain[0]["responses"]
+    assert Path("two.html").read_text().count('"title": "good.ply"') == 2
+    assert Path("two.rrd").read_bytes()[:2] == b"RR"
+    assert [file.name for file in folder.glob(".two*")] == []
+
+
+def test_the_objects_of_a_scene_are_drawn(folder: Path) -> None:
+    Path("table.pcd").write_bytes(write_ply(set_table().cloud))
+    result = run("respond", "--model", "tiny", "--json", "--scene", "--html", "table.html", "table.pcd")
+    assert result.exit_code == 0, result.output
+    (told,) = lines(result)
+    assert "point_objects" not in told
+    assert not any({"explanation", "point_segments"} & set(one["answer"]) for one in told["objects"])
+    titles = re.findall(r'"title": "([^"]*)"', Path("table.html").read_text())
+    assert titles == ["table.pcd", *(f"table.pcd, object {one['number']}" for one in told["objects"])]
+
+
+def test_what_could_not_be_answered_is_not_drawn_and_keeps_no_other_from_it(folder: Path) -> None:
+    result = run("respond", "--model", "tiny", "--html", "one.html", "bad.ply", "good.ply")
+    assert result.exit_code == 1
+    assert Path("one.html").read_text().count('"title": ') == 1
+    assert run("respond", "--model", "tiny", "--html", "none.html", "bad.ply").exit_code == 1
+    assert not Path("none.html").exists()
+
+
+def test_without_rerun_it_is_said_what_to_install_before_any_answer(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    result = run("respond", "--model", "tiny", "--save", "one.rrd", "good.ply")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "pip install 'shape-concepts[rerun]'" in result.stderr
+    assert "--html" in result.stderr
+
+
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
     result = run("respond", "--json", "bad.ply", "missing.ply", ".", "good.ply")
     assert result.exit_code == 1
@@ -271,6 +315,9 @@ def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
         (["respond", "good.ply", "--intrinsics", "525,525,0,0"], 1, "depth image"),
         (["respond", "good.ply", "--mask", "none.png"], 2, "--mask"),
         (["respond", "good.ply", "good.ply", "--mask", "bad.ply"], 2, "--mask"),
+        (["respond", "good.ply", "--save", "a.html"], 2, "--html FILE"),
+        (["respond", *["good.ply"] * 51, "--html", "a.html"], 2, "at most 50"),
+        (["respond", "good.ply", "--html", "none/a.html"], 2, "no folder 'none'"),
         (["models", "promote", "tiny"], 2, "tiny:2"),
         (["nonsense"], 2, "nonsense"),
     ],
