@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,7 +33,7 @@ from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
 from service.live import Live
-from service.looking import Looking
+from service.looking import Drawing, Looking
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -47,12 +46,6 @@ from service.store import PRODUCTION, ModelStore
 from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
-
-OnCloud = Callable[[clouds.SceneCloud], None]
-
-
-def ignore_cloud(cloud: clouds.SceneCloud) -> None:
-    """Where nobody wants to see the cloud that is answered."""
 
 
 class CloudFile(NamedTuple):
@@ -166,7 +159,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
-        on_cloud: OnCloud = ignore_cloud,
+        drawing: Drawing | None = None,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
 
@@ -183,7 +176,8 @@ class Application:
             segments: whether it says of each point of the cloud to which segment it belongs.
             max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
-            on_cloud: called with the cloud as soon as it is read.
+            drawing: takes what is drawn of the cloud; the answer says of these points, and of no others, to which
+                segment they belong.
 
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
@@ -194,10 +188,8 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points)
-            on_cloud(sent)
-            response = shape_model.respond(
-                sent.cloud, time=time, explain=explain, segments=segments, on_stage=stages.begin
-            )
+            told = segments if drawing is None else PointCloud(drawing.begin(sent).points)
+            response = shape_model.respond(sent.cloud, time=time, explain=explain, segments=told, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
         self.telemetry.answered(answer)
@@ -217,7 +209,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
-        on_cloud: OnCloud = ignore_cloud,
+        drawing: Drawing | None = None,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
 
@@ -233,7 +225,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(scene, max_points)
-            on_cloud(sent)
+            drawn = None if drawing is None else drawing.begin(sent)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -254,7 +246,8 @@ class Application:
                     answer = compose(response, which, own.timings_ms(), top=top, stimuli=stimuli, names=names)
                     self.telemetry.answered(answer)
                     answers.append(answer)
-        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+        told = segments if drawn is None else drawn.places
+        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=told)
 
     def read(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None = None) -> clouds.SceneCloud:
         """The points of a cloud, as `respond_scene` reads it. Runs on the caller's thread.

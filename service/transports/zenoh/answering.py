@@ -16,12 +16,12 @@ import numpy as np
 import zenoh
 from zenoh.handlers import Callback
 
-from service.application import Application, CloudFile, OnCloud, parse_viewpoint
-from service.clouds import DepthCamera, SceneCloud, Viewpoint, parse_camera
+from service.application import Application, CloudFile, parse_viewpoint
+from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.formats import by_content
 from service.engine.errors import InvalidParameter, Overloaded
 from service.live import POINTS, ShownCloud, shown
-from service.looking import draw
+from service.looking import Drawing
 from service.scene_answer import SceneAnswer
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
@@ -40,7 +40,6 @@ KEYS = 1000  # robots, or other publishers, that one stream can tell apart
 PAUSE = 0.05  # seconds between attempts to get a place in the pool
 SETTLING = 0.5  # seconds in which the other replicas learn that there is one more
 LOGGED = 10.0  # seconds between two lines of the log about drops
-SCENE_POINTS: Any = {"point_objects": True, "objects": {"__all__": {"answer": {"point_segments"}}}}  # not published
 BODY = Viewpoint(orientation=(0.5, -0.5, 0.5, -0.5))  # of a sensor whose cloud has x forward, y left, z up
 
 
@@ -51,7 +50,7 @@ class Told(NamedTuple):
         document: the answer, or a problem document.
         encoding: which of the two.
         source: where the cloud comes from, with what it says of that itself.
-        parts: the segment, or object of a scene, of each point of the cloud's file; None where nobody wants to know.
+        parts: the segment, or object of a scene, of each point that is drawn; None where nobody wants to know.
     """
 
     document: dict[str, Any]
@@ -202,11 +201,10 @@ class Answering:
                 await asyncio.sleep(PAUSE)
 
     async def _answer(self, taken: Taken[Sent]) -> None:
-        source, read = taken.item.source, list[SceneCloud]()
-        watched = self._showing.wanted
+        source, drawing = taken.item.source, Drawing(POINTS) if self._showing.wanted else None
         with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
             try:
-                told = await self._application.pool.run(self._respond, taken.item, watched, read.append)
+                told = await self._application.pool.run(self._respond, taken.item, drawing)
             except Exception as error:
                 seen.failed(error)
                 told = Told(problem_of(error, source.key, seen.request_id), MEDIA_TYPE, source)
@@ -222,13 +220,13 @@ class Answering:
             )
         except zenoh.ZError as error:
             log.warning("an answer to %s could not be published: %s", source.key, error)
-        if watched:
-            cloud = await self._application.pool.run(thin, read[0], told.parts) if read else None
+        if drawing is not None:
+            cloud = drawn_cloud(drawing, told.parts)
             problem = told.encoding == MEDIA_TYPE
             now = shown(self._stream, source.key, document, problem=problem, cloud=cloud)
             await asyncio.to_thread(self._showing.show, now)
 
-    def _respond(self, sent: Sent, watched: bool, on_cloud: OnCloud) -> Told:
+    def _respond(self, sent: Sent, drawing: Drawing | None) -> Told:
         """The answer to a cloud."""
         if isinstance(sent.payload, Exception):
             raise sent.payload
@@ -239,12 +237,10 @@ class Answering:
             source = source._replace(frame_id=header.frame_id, stamp_ns=header.stamp_ns)
         cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose, camera=self._camera, mask=sent.mask)
         respond = self._application.respond_scene if stream.scene else self._application.respond
-        answer = respond(
-            cloud, model=stream.model, time=stream.time, top=stream.top, segments=watched, on_cloud=on_cloud
-        )
+        answer = respond(cloud, model=stream.model, time=stream.time, top=stream.top, drawing=drawing)
         parts = answer.point_objects if isinstance(answer, SceneAnswer) else answer.point_segments
-        left_out = SCENE_POINTS if isinstance(answer, SceneAnswer) else {"point_segments"}
-        return Told(answer.model_dump(mode="json", exclude=left_out), JSON, source, parts)
+        document = answer.model_dump(mode="json", exclude={"point_segments", "point_objects"})
+        return Told(document, JSON, source, parts)
 
     def _tell_drops(self, key: str, dropped: int) -> None:
         """Logs drops, not more often than every few seconds."""
@@ -257,15 +253,16 @@ class Answering:
             self._dropped, self._logged = {}, clock.monotonic()
 
 
-def thin(sent: SceneCloud, parts: list[int] | None) -> ShownCloud:
-    """What is shown of a cloud.
+def drawn_cloud(drawing: Drawing, parts: list[int] | None) -> ShownCloud | None:
+    """What is shown of a cloud; None if it could not be read.
 
     Args:
-        sent: the cloud.
-        parts: the segment or object of each point of its file, -1 for none; None if that is not known.
+        drawing: what is drawn of it.
+        parts: the segment or object of each drawn point, -1 for none; None if that is not known.
     """
-    drawn = draw(sent, POINTS)
-    numbers = np.full(len(drawn.places), -1) if parts is None else np.asarray(parts)[drawn.places]
+    if (drawn := drawing.drawn) is None:
+        return None
+    numbers = np.full(len(drawn.points), -1) if parts is None else np.asarray(parts)
     return ShownCloud(drawn.points, np.clip(numbers, -1, 2**15 - 1).astype(np.int16), drawn.measured)
 
 
