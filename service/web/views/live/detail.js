@@ -13,7 +13,7 @@ export class Detail {
     this.ranked = new Ranked();
     this.said = h("div");
     this.facts = h("p", { class: "fine number" });
-    this.key = null;
+    this.key = null; // whose cloud is drawn
     this.models = new Map(); // by reference; null while one is loaded, or where it cannot be
     this.element = h("div", { class: "live-detail" },
       h("div", { class: "panel live-cloud" }, this.cloud.element, this.drawn),
@@ -35,9 +35,8 @@ export class Detail {
   /** @param {Object} told an event of /v1/streams/events. */
   show(told) {
     const { key, answer, problem } = told;
-    if (key !== this.key && !told.cloud) this.clear();
     if (told.cloud) this.#draw(told);
-    this.key = key;
+    else if (key !== this.key) this.clear();
     this.title.textContent = key;
     const lone = answer !== null && !answer.objects;
     this.ranked.element.classList.toggle("hidden", !lone);
@@ -50,6 +49,7 @@ export class Detail {
     const points = new Float32Array(octets(cloud.xyz).buffer);
     const parts = new Int16Array(octets(cloud.parts).buffer);
     this.cloud.setPoints(points, { follow: key === this.key });
+    this.key = key;
     const colours = new Map();
     for (const part of new Set(parts)) colours.set(part, toPixel(colourOf(part)));
     this.cloud.setColours(Uint32Array.from(parts, (part) => colours.get(part)));
