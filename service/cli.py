@@ -56,8 +56,8 @@ def main() -> None:
 def serve(host: str | None, port: int | None, grpc_port: int | None, store: str | None) -> None:
     """Serves the REST and gRPC interfaces, and answers over zenoh where that is configured.
 
-    It ends at SIGTERM or Ctrl-C, when the requests under way are answered. /docs in a browser describes REST; gRPC
-    describes itself by reflection.
+    It ends at SIGTERM or Ctrl-C, when the requests under way are answered. In a browser, / is a page to try clouds and
+    to look at concepts, and /docs describes REST; gRPC describes itself by reflection.
     """
     from service.main import serve
 

@@ -147,6 +147,12 @@ def _read_binary(data: bytes, header: Header, vertex: Element, columns: list[int
 def _fixed_rows(data: bytes, start: int, element: Element, columns: list[int]) -> NDArray[np.float64]:
     """(rows, columns) values of an element without lists, whose rows all have one length."""
     before = np.cumsum([0] + [entry.type.itemsize for entry in element.properties])
+    first = element.properties[columns[0]].type
+    if columns == list(range(columns[0], columns[0] + len(columns))) and all(
+        element.properties[c].type == first for c in columns
+    ):
+        place, strides = start + int(before[columns[0]]), (element.smallest_row, first.itemsize)
+        return np.ndarray((element.rows, len(columns)), first, data, place, strides).astype(np.float64)
     values = [
         np.ndarray(element.rows, element.properties[c].type, data, start + int(before[c]), element.smallest_row)
         for c in columns

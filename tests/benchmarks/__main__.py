@@ -16,4 +16,4 @@ elif sys.argv[1:2] == ["scenes"]:
 elif sys.argv[1:2] == ["soak"]:
     soak.main(sys.argv[2:])
 else:
-    answer.main()
+    answer.main(sys.argv[1:])

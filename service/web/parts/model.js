@@ -93,7 +93,8 @@ async function resolve(reference) {
 async function load(name, version, reference) {
   const path = `v1/models/${reference}`;
   const [concepts, graph, labels, named] = await Promise.all(
-    ["concepts", "annexations", "labels", "names"].map((what) => api.get(`${path}/${what}`)),
+    // Of the concepts those of one time only: what is wanted are the objects, and of a large model each time is long.
+    ["concepts?time=0", "annexations", "labels", "names"].map((what) => api.get(`${path}/${what}`)),
   );
   return {
     name,

@@ -23,7 +23,7 @@ export function failure(error, { again } = {}) {
   if (error.status === undefined) console.error(error); // a fault of the page: whoever mends it wants to know where
   const passing = !error.status || error.status === 429 || error.status >= 500;
   const parts = [h("p", { class: "title" }, error.title ?? "The page failed"), h("p", {}, error.message)];
-  if (error.instance) parts.push(h("p", { class: "fine" }, `Request ${error.instance}`));
+  if (error.instance) parts.push(h("p", { class: "fine" }, `Request ${error.instance.replace("urn:uuid:", "")}`));
   if (again && passing) parts.push(h("button", { type: "button", click: again }, "Try again"));
   return h("div", { class: "state state-error", role: "alert" }, parts);
 }

@@ -20,7 +20,7 @@ import { Tree } from "./concepts/tree.js";
 export function show(root, place) {
   const view = new Concepts(root, place);
   view.begin();
-  return { changed: () => view.followPlace(), leave: () => view.close() };
+  return { changed: () => view.followPlace(), leave: () => view.leave() };
 }
 
 class Concepts {
@@ -50,12 +50,15 @@ class Concepts {
 
   /** Shows a model. */
   async load(reference) {
+    if (this.left) return; // while the models were asked for
     this.close();
+    this.wanted = reference;
     this.body.replaceChildren(loading("Loading the model …"));
     try {
       const model = await loadModel(reference);
-      this.#fill(model);
+      if (this.wanted === reference) this.#fill(model); // otherwise another one was chosen meanwhile
     } catch (error) {
+      if (this.wanted !== reference) return;
       this.body.replaceChildren(failure(error, { again: () => this.load(reference) }));
     }
   }
@@ -65,6 +68,12 @@ class Concepts {
     const reference = this.place.get("model");
     if (this.selection && reference && reference !== this.selection.model.reference) this.begin();
     else if (this.selection) this.selection.take(this.place);
+  }
+
+  leave() {
+    this.left = true;
+    this.wanted = undefined;
+    this.close();
   }
 
   close() {

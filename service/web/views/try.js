@@ -35,11 +35,12 @@ class Trial {
   async begin() {
     const chooser = h("div", { class: "choosers" });
     const first = h("div", { class: "try-first" }, this.input.element, this.cloudPanel.element);
-    this.root.append(
+    this.root.replaceChildren(
       h("h1", { class: "unseen" }, "Try a cloud"),
       chooser,
       h("div", { class: "try" }, first, this.answer),
     );
+    this.endDropping?.();
     this.endDropping = this.input.takeDrops(this.root.ownerDocument.body);
     this.#rest();
     try {
@@ -131,10 +132,7 @@ class Trial {
   }
 
   #showAnswer(answer, model, cloud) {
-    const ways = {
-      highlight: (segments) => this.cloudPanel.highlight(segments),
-      rename: () => this.#showAnswer(answer, model, cloud),
-    };
+    const ways = { highlight: (segments) => this.cloudPanel.highlight(segments) };
     this.shown = { answer, model, ways };
     if (!cloud.scene) this.answer.replaceChildren(answerPanel(answer, model, ways));
     else this.#showObject(answer.objects.find((one) => one.answer)?.number ?? null);
