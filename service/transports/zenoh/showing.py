@@ -10,6 +10,8 @@ import asyncio
 import json
 import logging
 import threading
+import time as clock
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,7 @@ log = logging.getLogger(__name__)
 
 SHOWN = "shape-concepts/@v1/shown"
 LARGEST = 4 * 2**20  # bytes of a message: the points, and the answers to the objects of a large scene
+LOGGED = 10.0  # seconds between two lines of the log about what cannot be read
 LENGTH = 4  # bytes that say how long the header is, little-endian
 BYTES = 3 * 4 + 2  # of a point and its part
 
@@ -60,7 +63,7 @@ class Showing:
             allowed_destination=zenoh.Locality.REMOTE,
         )
         self._subscriber: zenoh.Subscriber[None] | None = None
-        self._open = True
+        self._open, self._logged = True, -LOGGED
         self._lock = threading.Lock()
         live.tell(self._watchers_changed)
 
@@ -92,7 +95,8 @@ class Showing:
 
     def _watchers_changed(self) -> None:
         """Called whenever somebody begins or ends to watch, on whatever thread."""
-        asyncio.run_coroutine_threadsafe(asyncio.to_thread(self._subscribe), self._loop)
+        with suppress(RuntimeError):  # zenoh's loop has ended
+            self._loop.call_soon_threadsafe(self._loop.run_in_executor, None, self._subscribe)
 
     def _subscribe(self) -> None:
         """Listens to other replicas if somebody watches here, and to none otherwise."""
@@ -112,7 +116,9 @@ class Showing:
                 raise ValueError(f"{len(sample.payload)} bytes are more than the {LARGEST} that are taken")
             self._live.show(unpack(self._stream, sample.payload.to_bytes()))
         except ValueError as error:  # of another release, or of somebody who is no replica
-            log.warning("what %s shows cannot be read: %s", str(sample.key_expr)[:200], str(error)[:200])
+            if clock.monotonic() - self._logged > LOGGED:
+                self._logged = clock.monotonic()
+                log.warning("what %s shows cannot be read: %s", str(sample.key_expr)[:200], str(error)[:200])
         except Exception:
             log.exception("a cloud of another replica could not be shown")
 

@@ -57,6 +57,8 @@ class Live {
     );
     this.chosen = this.place.get("key");
     this.robots.choose(this.chosen);
+    // Nobody sees a page in the background: the service need not work for it.
+    document.addEventListener("visibilitychange", () => this.connect(), { signal: this.leaving.signal });
     this.ticking = setInterval(() => this.robots.tick(), 1000);
     this.connect();
   }
@@ -64,7 +66,7 @@ class Live {
   /** Watches anew: what is asked for has changed. Only the robot that is looked at sends its points. */
   async connect() {
     this.watching?.abort();
-    if (this.paused) return;
+    if (this.paused || document.hidden) return;
     const watching = new AbortController();
     this.watching = watching;
     const signal = AbortSignal.any([watching.signal, this.leaving.signal]);
