@@ -32,7 +32,8 @@ from service.engine.model import OnStage, ignore_stage
 from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
-from service.looking import Looking
+from service.live import Live
+from service.looking import Drawing, Looking
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -116,6 +117,7 @@ class Application:
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         jobs = Jobs(settings.jobs_url)
         self.training = Training(jobs, self.store)
+        self.live = Live(settings.streams)
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
@@ -129,8 +131,14 @@ class Application:
         """The use cases on names of concepts."""
         return self._choosing.source().naming
 
+    def let_go(self) -> None:
+        """Lets those go who follow jobs or watch streams, and would stay for hours: the service ends."""
+        self.training.ending.set()
+        self.live.end()
+
     def close(self) -> None:
         """Waits for the work under way."""
+        self.let_go()
         self.pool.close()
         self._answers.close()
         self.scheduling.close()
@@ -151,6 +159,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        drawing: Drawing | None = None,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
 
@@ -167,6 +176,8 @@ class Application:
             segments: whether it says of each point of the cloud to which segment it belongs.
             max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
+            drawing: takes what is drawn of the cloud; the answer says of these points, and of no others, to which
+                segment they belong.
 
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
@@ -176,8 +187,9 @@ class Application:
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            points = self._points(cloud, max_points)
-            response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
+            sent = self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points)
+            told = segments if drawing is None else PointCloud(drawing.begin(sent).points)
+            response = shape_model.respond(sent.cloud, time=time, explain=explain, segments=told, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
         self.telemetry.answered(answer)
@@ -197,6 +209,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        drawing: Drawing | None = None,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
 
@@ -212,6 +225,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(scene, max_points)
+            drawn = None if drawing is None else drawing.begin(sent)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -232,7 +246,8 @@ class Application:
                     answer = compose(response, which, own.timings_ms(), top=top, stimuli=stimuli, names=names)
                     self.telemetry.answered(answer)
                     answers.append(answer)
-        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+        told = segments if drawn is None else drawn.places
+        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=told)
 
     def read(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None = None) -> clouds.SceneCloud:
         """The points of a cloud, as `respond_scene` reads it. Runs on the caller's thread.
@@ -388,9 +403,6 @@ class Application:
         version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
-
-    def _points(self, cloud: CloudFile | PointCloud, max_points: int | None) -> PointCloud:
-        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points).cloud
 
     def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
         limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)

@@ -24,6 +24,7 @@ from service.transports.rest import (
     problems,
     responses,
     schedules,
+    streams,
 )
 from service.transports.rest.encodings import Decoding
 
@@ -58,6 +59,7 @@ def create_app(application: Application) -> FastAPI:
         (dataset_uploads, access.reading(application, "answer", "train", otherwise="train")),
         (jobs, access.reading(application, "answer", "train", otherwise="train")),
         (schedules, access.reading(application, "answer", "train", otherwise="train")),
+        (streams, access.reading(application, otherwise="manage")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

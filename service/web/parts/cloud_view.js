@@ -43,16 +43,18 @@ export class CloudView {
    * Shows other points.
    *
    * @param {Float32Array} points x, y, z of each, metres, in the sensor's frame.
-   * @param {{keep?: boolean}} how `keep`: the camera stays where it is, as for a cloud that moves.
+   * @param {{keep?: boolean, follow?: boolean}} how `keep`: the camera stays where it is, as for a cloud that moves;
+   *   `follow`: it goes with the cloud, and looks from the same side.
    */
-  setPoints(points, { keep = false } = {}) {
+  setPoints(points, { keep = false, follow = false } = {}) {
     this.points = points;
     this.count = points.length / 3;
     this.colours = new Uint32Array(this.count).fill(0xffa0948b);
     this.lit = null;
     const { middle, radius } = boundsOf(points, this.count);
     this.spacing = spacingOf(points, this.count, radius);
-    if (!keep) this.orbit.look(middle, radius);
+    if (follow) this.orbit.follow(middle, radius);
+    else if (!keep) this.orbit.look(middle, radius);
     this.#redraw(false);
   }
 

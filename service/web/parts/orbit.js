@@ -2,6 +2,7 @@
 
 const TURN = 0.008; // radians a pixel
 const STEP = 12; // pixels that an arrow key stands for
+const MOVED = 0.3; // radii by which what is followed may move or grow before the camera does
 
 export class Orbit {
   /**
@@ -24,6 +25,18 @@ export class Orbit {
   look(target, radius) {
     this.home = { target: [...target], distance: radius * 3 };
     this.reset();
+  }
+
+  /** Looks at what has moved or changed from the side and as near as before; not at all as long as it is in place. */
+  follow(target, radius) {
+    const { home } = this;
+    const moved = Math.hypot(...target.map((value, axis) => value - home.target[axis]));
+    const grown = (radius * 3.2) / home.distance;
+    if (moved < MOVED * radius && grown > 1 - MOVED && grown < 1 + MOVED) return;
+    this.home = { target: [...target], distance: radius * 3.2 };
+    this.target = this.target.map((value, axis) => value - home.target[axis] + target[axis]);
+    this.distance *= grown;
+    this.onMove(false);
   }
 
   /** The view that `look` gave, a little from the side and from above: the third dimension shows. */

@@ -247,6 +247,7 @@ def test_real_answers_fit_the_description(client: httpx.Client, application: App
         "post /v1/jobs/{job}/retry": client.post("/v1/jobs/one/retry"),
         "get /v1/jobs/{job}/logs": client.get("/v1/jobs/one/logs"),
         **asked_of_datasets(client, example),
+        "get /v1/streams": client.get("/v1/streams"),
         "get /healthz": client.get("/healthz"),
         "get /readyz": client.get("/readyz"),
     }
