@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import threading
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from itertools import accumulate
 from typing import NamedTuple
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollector
+from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.exposition import choose_encoder
 from prometheus_client.registry import Collector
+from prometheus_client.utils import floatToGoString
 
 from service import __version__
 
@@ -39,6 +44,57 @@ class State(NamedTuple):
     serving: Mapping[tuple[str, str], int]
 
 
+class Distribution(Collector):
+    """How often values fell into which bucket. An observation costs a microsecond, a twentieth of the library's.
+
+    An answer makes a dozen, so that theirs would be a part of its time.
+
+    Args:
+        name: of the metric.
+        told: what it is.
+        labels: their names.
+        bounds: upper bounds of the buckets, ascending; one without a bound follows.
+        registry: where it is collected.
+    """
+
+    def __init__(
+        self, name: str, told: str, labels: Sequence[str], bounds: Sequence[float], registry: CollectorRegistry
+    ) -> None:
+        self._name, self._told, self._labels, self._bounds = name, told, labels, bounds
+        self._lock = threading.Lock()
+        self._counts: dict[tuple[str, ...], list[int]] = {}
+        self._sums: dict[tuple[str, ...], float] = {}
+        if not labels:
+            self._open(())
+        registry.register(self)
+
+    def observe(self, value: float, *labels: str) -> None:
+        """Counts a value, in the unit that the metric's name has."""
+        place = bisect_left(self._bounds, value)
+        with self._lock:
+            counts = self._counts.get(labels) or self._open(labels)
+            counts[place] += 1
+            self._sums[labels] += value
+
+    def _open(self, labels: tuple[str, ...]) -> list[int]:
+        self._sums[labels] = 0.0
+        return self._counts.setdefault(labels, [0] * (len(self._bounds) + 1))
+
+    def describe(self) -> list[Metric]:
+        """Its name alone, by which registries tell metrics apart."""
+        return [HistogramMetricFamily(self._name, self._told, labels=self._labels)]
+
+    def collect(self) -> Iterator[Metric]:
+        """What was counted until now."""
+        family = HistogramMetricFamily(self._name, self._told, labels=self._labels)
+        with self._lock:
+            seen = [(labels, list(counts), self._sums[labels]) for labels, counts in self._counts.items()]
+        names = [*(floatToGoString(bound) for bound in self._bounds), "+Inf"]
+        for labels, counts, total in seen:
+            family.add_metric(labels, list(zip(names, accumulate(counts), strict=True)), total)
+        yield family
+
+
 class Metrics:
     """The metrics of one service; each has its own, however many are in one process."""
 
@@ -50,35 +106,32 @@ class Metrics:
             ("wire", "operation", "outcome"),
             registry=registry,
         )
-        self.durations = Histogram(
+        self.durations = Distribution(
             f"{PREFIX}_request_seconds",
             "From a request's arrival to its end",
             ("wire", "operation"),
-            buckets=SECONDS,
-            registry=registry,
+            SECONDS,
+            registry,
         )
         self.under_way = Gauge(
             f"{PREFIX}_requests_under_way", "Requests that have not ended", ("wire",), registry=registry
         )
-        self.stages = Histogram(
-            f"{PREFIX}_stage_seconds",
-            "Stages of answers, as in their timings_ms",
-            ("wire", "stage"),
-            buckets=SECONDS,
-            registry=registry,
+        self.stages = Distribution(
+            f"{PREFIX}_stage_seconds", "Stages of answers, as in their timings_ms", ("wire", "stage"), SECONDS, registry
         )
-        self.waits = Histogram(
-            f"{PREFIX}_wait_seconds", "From a request's admission to its work", buckets=SECONDS, registry=registry
+        self.waits = Distribution(
+            f"{PREFIX}_wait_seconds", "From a request's admission to its work", (), SECONDS, registry
         )
-        self.novelty = Histogram(
-            f"{PREFIX}_novelty", "Novelty of answered clouds, 0 to 1", buckets=SHARES, registry=registry
-        )
+        self.novelty = Distribution(f"{PREFIX}_novelty", "Novelty of answered clouds, 0 to 1", (), SHARES, registry)
         self.drops = Counter(
             f"{PREFIX}_dropped", "Clouds of streams that newer ones have overtaken", ("wire",), registry=registry
         )
         info = Gauge(f"{PREFIX}_info", "1; says which version of the software this is", ("version",), registry=registry)
         info.labels(__version__).set(1)
         ProcessCollector(registry=registry)
+        # The library looks each of these up under a lock; there are few, as labels are words of ours.
+        self.ended = cache(self.requests.labels)
+        self.begun = cache(self.under_way.labels)
 
     def watch(self, state: Callable[[], State]) -> None:
         """Has the state of the service read whenever metrics are asked for."""
