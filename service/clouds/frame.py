@@ -88,6 +88,8 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
     """
     pose = viewpoint or raw.viewpoint or Viewpoint()
     unit = unit or raw.unit or "m"
+    if pose == Viewpoint() and UNITS[unit] == 1 and _is_plain(raw.xyz):
+        return PointCloud(raw.xyz.astype(np.float32))
     kept = _measured(raw.xyz, pose)
     whole = bool(kept.all())
     measured = raw.xyz if whole else raw.xyz[kept]
@@ -104,6 +106,17 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
             f"a coordinate of {largest:.3g} m is beyond any sensor; check the unit ({unit}) and the values"
         )
     return PointCloud(points.astype(np.float32), None if whole else kept)
+
+
+def _is_plain(xyz: NDArray[np.float64]) -> bool:
+    """Whether all points are measurements, and none beyond float32, by a look that costs a third of `_measured`.
+
+    It may say no where that says yes: NaN makes any comparison false, and any z of 0 might be a missing return.
+    """
+    if not len(xyz):
+        return False
+    largest = np.finfo(np.float32).max
+    return bool(xyz.min() >= -largest and xyz.max() <= largest and xyz[:, 2].astype(np.float32).all())
 
 
 def _measured(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.bool_]:
