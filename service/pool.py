@@ -7,10 +7,10 @@ import threading
 import time as clock
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
-from typing import ParamSpec, TypeVar
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 from service.engine.errors import Cancelled, Overloaded
 
@@ -65,6 +65,28 @@ class Intake:
                 self._held -= mine
 
 
+class Work(NamedTuple, Generic[T]):
+    """Work that was given to a pool.
+
+    Attributes:
+        result: for whoever gave it; may be cancelled without an effect on the work.
+        thread: ends when the thread is free again; cancelled, the work is dropped unless it has begun.
+    """
+
+    result: asyncio.Future[T]
+    thread: Future[None]
+
+    async def end(self) -> None:
+        """Drops the work, or waits for the thread that is at it."""
+        if not self.thread.cancel():
+            await asyncio.wait([asyncio.wrap_future(self.thread)])
+
+
+def _tell(result: asyncio.Future[T], settle: Callable[[Any], None], told: T | BaseException) -> None:
+    if not result.done():
+        settle(told)
+
+
 class Pool:
     """Threads for work on the CPU, away from the event loop.
 
@@ -110,21 +132,35 @@ class Pool:
         finally:
             self._give_back()
 
-    async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """The result of work done on one of the threads, in the caller's context. The caller has been admitted."""
-        context, came = copy_context(), clock.perf_counter()
+    def begin(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Work[T]:
+        """Has work done on one of the threads, in the caller's context. The caller has been admitted."""
+        context, came, loop = copy_context(), clock.perf_counter(), asyncio.get_running_loop()
+        result: asyncio.Future[T] = loop.create_future()
 
-        def begin() -> T:
+        def do() -> None:
             self._waited(clock.perf_counter() - came)
             with self._lock:
                 self._working += 1
             try:
-                return context.run(work, *args, **kwargs)
+                told: T | BaseException = context.run(work, *args, **kwargs)
+                settle: Callable[[Any], None] = result.set_result
+            except BaseException as error:
+                told, settle = error, result.set_exception
             finally:
                 with self._lock:
                     self._working -= 1
+            loop.call_soon_threadsafe(_tell, result, settle, told)
 
-        return await asyncio.wrap_future(self._threads.submit(begin))
+        return Work(result, self._threads.submit(do))
+
+    async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """The result of work, as `begin` has it done; dropped where the caller is cancelled before it began."""
+        begun = self.begin(work, *args, **kwargs)
+        try:
+            return await begun.result
+        except asyncio.CancelledError:
+            begun.thread.cancel()
+            raise
 
     async def run_each(
         self, work: Callable[[S], T], items: Sequence[S], abandoned: Callable[[], Awaitable[bool]]
