@@ -45,6 +45,8 @@ from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
 
+KEYS = "the access keys"  # that question to the store
+
 
 class CloudFile(NamedTuple):
     """A cloud as somebody sent it.
@@ -119,7 +121,9 @@ class Application:
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
         self._keys = KeyStore(settings.store)
-        self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
+        self.access = Gate(
+            self.valid_keys if needs_keys(settings) else None, settings, at_hand=lambda: self._answers.at_hand(KEYS)
+        )
         self.telemetry.metrics.watch(self._state)
 
     @property
@@ -342,7 +346,7 @@ class Application:
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
-        return self._answers.get("the access keys", self._keys.valid)
+        return self._answers.get(KEYS, self._keys.valid)
 
     def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
         """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
+from contextlib import aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from service.engine.errors import Cancelled, ContentTooLarge, InvalidParameter, 
 from service.scopes import Scope
 from service.telemetry import Telemetry, Wire
 from service.transports import errors
+from service.transports.entering import entered, key_in
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
 from service.transports.request_ids import name_request
@@ -151,21 +152,11 @@ class Guard(grpc.aio.ServerInterceptor):
 
     @asynccontextmanager
     async def _let_in(self, method: str, key: str | None) -> AsyncIterator[Caller]:
-        """Asks the gate; on a thread where it may have to ask the store."""
+        """Asks the gate, where the call needs to be let in."""
         if method in self._unlocked:
             yield self._gate.anybody
             return
-        with ExitStack() as stack:
-            entered = self._gate.entered(key, *self._scopes.get(method, ANSWER))
-            if self._gate.open:
-                caller = stack.enter_context(entered)
-            else:
-                entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
-                try:
-                    caller = await asyncio.shield(entering)
-                except asyncio.CancelledError:
-                    await asyncio.gather(entering, return_exceptions=True)
-                    raise
+        async with entered(self._gate, key, *self._scopes.get(method, ANSWER)) as caller:
             yield caller
 
     async def _behave(self, handler: Any, context: Any) -> None:
@@ -230,8 +221,7 @@ def _key_of(context: Any) -> str | None:
     """The access key in a call's metadata, `authorization: Bearer KEY`."""
     for name, value in context.invocation_metadata() or ():
         if name == "authorization" and isinstance(value, str):
-            kind, _, key = value.partition(" ")
-            return key.strip() if kind.lower() == "bearer" else None
+            return key_in(value)
     return None
 
 

@@ -18,6 +18,7 @@ from service.transports.rest import examples
 from service.transports.rest.access import caller_of
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
 from service.transports.rest.detail import DetailQuery, as_json
+from service.transports.rest.known import remembered
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
     AliasQuery,
@@ -110,6 +111,7 @@ def router(application: Application) -> APIRouter:
         response_model=Answer | SceneAnswer,
         openapi_extra={"requestBody": _BODY},
     )
+    @remembered("answer")
     async def respond(
         request: Request,
         model: ModelQuery = None,
