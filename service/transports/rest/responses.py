@@ -163,6 +163,7 @@ def router(application: Application) -> APIRouter:
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         camera = parse_camera(intrinsics, depth_scale)
         caller = caller_of(request)
+        application.pool.check()
         with application.intake.opened() as take:
             limits = limits_of(application.settings, caller)
             data, format, name, mask = await receive_cloud(request, limits, take)
