@@ -41,7 +41,6 @@ from service.schedules import Schedules
 from service.scheduling import Scheduling
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
-from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
 
@@ -208,6 +207,8 @@ class Application:
         Raises:
             NoSupportingPlane: there is nothing that objects could stand on.
         """
+        from service.tabletop import cut_out, find_objects
+
         _check_top(top)
         meant = self._choosing.meant(model, version, alias)
         shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)

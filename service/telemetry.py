@@ -117,7 +117,7 @@ class Telemetry:
             seen.trace_id = self._traces.trace_id(span)
         outer, began = _current.get(), clock.perf_counter()
         _current.set(seen)
-        self.metrics.begun(wire).inc()
+        self.metrics.under_way.add(1, wire)
         try:
             yield seen
         except BaseException as error:
@@ -152,7 +152,7 @@ class Telemetry:
 
     def dropped(self, wire: Wire, count: int = 1) -> None:
         """Counts clouds of streams that were not answered, as newer ones had come."""
-        self.metrics.drops.labels(wire).inc(count)
+        self.metrics.drops.add(count, wire)
 
     def close(self) -> None:
         """Sends what was not sent yet."""
@@ -169,8 +169,8 @@ class Telemetry:
             self._traces.stages(seen.span, stages.over, failed)
 
     def _end(self, seen: Seen, seconds: float) -> None:
-        self.metrics.begun(seen.wire).dec()
-        self.metrics.ended(seen.wire, seen.operation, seen.outcome).inc()
+        self.metrics.under_way.add(-1, seen.wire)
+        self.metrics.requests.add(1, seen.wire, seen.operation, seen.outcome)
         self.metrics.durations.observe(seconds, seen.wire, seen.operation)
         facts = seen.facts()
         if self._traces is not None and seen.span is not None:
