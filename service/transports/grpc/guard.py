@@ -67,6 +67,8 @@ class Guard(grpc.aio.ServerInterceptor):
         services: names of our services.
         open: paths of the calls that need no access key.
         scopes: that calls need one of, by their paths, where it is not "answer".
+        check: raises before the message of an answering call is received where there is too much to do.
+        answering: paths of these calls.
     """
 
     def __init__(
@@ -78,7 +80,10 @@ class Guard(grpc.aio.ServerInterceptor):
         services: Iterable[str] = (SERVICE,),
         open: frozenset[str] = frozenset(),
         scopes: Mapping[str, tuple[Scope, ...]] | None = None,
+        check: Callable[[], None] = lambda: None,
+        answering: frozenset[str] = frozenset(),
     ) -> None:
+        self._check, self._answering = check, answering
         self._scopes = dict(scopes or {})
         self._ours = tuple(f"/{name}/" for name in services)
         self._unlocked = open
@@ -140,6 +145,8 @@ class Guard(grpc.aio.ServerInterceptor):
                 with self._entered():
                     async with self._let_in(method, _key_of(context)) as caller:  # before any message is received
                         asking.set(caller)
+                        if method in self._answering:
+                            self._check()
                         return await self._behave(handler, context)
             except Exception as error:
                 seen.failed(error.kind if isinstance(error, Refusal) else error)
