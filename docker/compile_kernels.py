@@ -1,7 +1,8 @@
 """Has every kernel compiled once, so that no container does it at its start: half a minute on one core.
 
 Answers the built-in model's example in every form whose reading has a kernel of its own, and in every detail; where
-the worker is installed, it also learns a tiny model and judges it. Numba keeps the machine code in NUMBA_CACHE_DIR.
+the worker is installed, it also learns a tiny model and judges it, unless told --answering. Numba keeps the machine
+code in NUMBA_CACHE_DIR.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import importlib.util
 import json
 import struct
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -83,5 +85,5 @@ def learn(folder: Path) -> None:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
         answer(Path(temporary))
-        if importlib.util.find_spec("worker"):
+        if importlib.util.find_spec("worker") and "--answering" not in sys.argv[1:]:
             learn(Path(temporary))

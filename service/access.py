@@ -48,6 +48,7 @@ class Gate:
         valid: gives the keys that are not revoked, by id; None lets everybody in.
         settings: the limits of the service, above which no key has its own.
         now: a clock, seconds.
+        at_hand: whether `valid` would answer at once just now.
     """
 
     def __init__(
@@ -55,10 +56,12 @@ class Gate:
         valid: Callable[[], Mapping[str, AccessKey]] | None,
         settings: Settings,
         now: Callable[[], float] = clock.monotonic,
+        at_hand: Callable[[], bool] = lambda: False,
     ) -> None:
         self.anybody = Caller(NOBODY, NOBODY, settings.max_body, settings.max_points, settings.max_batch)
         self._valid = valid
         self._now = now
+        self._at_hand = at_hand
         self._spent: dict[str, _Spent] = {}
         self._lock = threading.Lock()
 
@@ -66,6 +69,11 @@ class Gate:
     def open(self) -> bool:
         """Whether no key is needed."""
         return self._valid is None
+
+    @property
+    def at_hand(self) -> bool:
+        """Whether callers can be let in at once: no key is needed, or the keys need not be read now."""
+        return self._valid is None or self._at_hand()
 
     @contextmanager
     def entered(self, text: str | None, *scopes: Scope) -> Iterator[Caller]:

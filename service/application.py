@@ -43,9 +43,10 @@ from service.schedules import Schedules
 from service.scheduling import Scheduling
 from service.settings import Settings
 from service.store import PRODUCTION, ModelStore
-from service.tabletop import cut_out, find_objects
 from service.telemetry import Stages, Telemetry
 from service.training import Training
+
+KEYS = "the access keys"  # that question to the store
 
 
 class CloudFile(NamedTuple):
@@ -123,7 +124,9 @@ class Application:
         self._choosing = Choosing(self.store, settings, self._answers)
         self.looking = Looking(self._choosing, self.datasets.store)
         self._keys = KeyStore(settings.store)
-        self.access = Gate(self.valid_keys if needs_keys(settings) else None, settings)
+        self.access = Gate(
+            self.valid_keys if needs_keys(settings) else None, settings, at_hand=lambda: self._answers.at_hand(KEYS)
+        )
         self.telemetry.metrics.watch(self._state)
 
     @property
@@ -219,6 +222,8 @@ class Application:
         Raises:
             NoSupportingPlane: there is nothing that objects could stand on.
         """
+        from service.tabletop import cut_out, find_objects
+
         _check_top(top)
         meant = self._choosing.meant(model, version, alias)
         shape_model, names, which = meant.model(), meant.names(), (meant.name, meant.version)
@@ -367,7 +372,7 @@ class Application:
 
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
-        return self._answers.get("the access keys", self._keys.valid)
+        return self._answers.get(KEYS, self._keys.valid)
 
     def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
         """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.

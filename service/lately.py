@@ -18,6 +18,7 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 READERS = 4  # threads that ask the store again
+MOMENT = 0.1  # seconds in which what is at hand is taken
 
 
 class Models:
@@ -130,6 +131,11 @@ class Answers:
         except (StoreUnavailable, TimeoutError) as error:
             self._rely_on(known, question, str(error) or "the store is slow to answer")
             return cast(T, known.value)
+
+    def at_hand(self, question: str) -> bool:
+        """Whether the answer is known, and will be believed for another moment: `get` would give it at once."""
+        known = self._known.get(question)
+        return known is not None and clock.monotonic() - known.at < self._believed - MOMENT
 
     def forget(self) -> None:
         """Believes nothing any more, not even what is being read."""

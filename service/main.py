@@ -22,6 +22,7 @@ from service.engine.errors import ShapeConceptsError
 from service.settings import Settings
 from service.telemetry import Telemetry
 from service.transports.grpc.server import serving as serving_grpc
+from service.transports.http1 import Protocol
 from service.transports.open_inference import rest as open_inference
 from service.transports.open_inference.description import describe_in
 from service.transports.open_inference.servicer import served as open_inference_served
@@ -95,6 +96,7 @@ async def _serve(application: Application, settings: Settings) -> None:
     server = _Server(
         uvicorn.Config(
             http_app(application),
+            http=Protocol,
             host=settings.host,
             port=settings.port,
             log_config=None,

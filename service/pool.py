@@ -7,16 +7,20 @@ import threading
 import time as clock
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
-from typing import ParamSpec, TypeVar
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 from service.engine.errors import Cancelled, Overloaded
 
 P = ParamSpec("P")
 S = TypeVar("S")
 T = TypeVar("T")
+
+
+BURST = 0.1  # seconds for which some may wait all the time before it is taken for more than a burst
+STANDING = 4  # requests a worker that may wait then
 
 
 class Intake:
@@ -65,11 +69,32 @@ class Intake:
                 self._held -= mine
 
 
+class Work(NamedTuple, Generic[T]):
+    """Work that was given to a pool.
+
+    Attributes:
+        result: for whoever gave it; may be cancelled without an effect on the work.
+        thread: ends when the thread is free again; cancelled, the work is dropped unless it has begun.
+    """
+
+    result: asyncio.Future[T]
+    thread: Future[None]
+
+    async def end(self) -> None:
+        """Drops the work, or waits for the thread that is at it."""
+        if not self.thread.cancel():
+            await asyncio.wait([asyncio.wrap_future(self.thread)])
+
+
 class Pool:
     """Threads for work on the CPU, away from the event loop.
 
     Whoever wants work done first asks to be admitted, once all that the work needs is there: a client who is slow to
     send its cloud keeps no other from its answer.
+
+    A queue is there to take in bursts. Where some have waited all the time for longer than a burst takes, there is too
+    much to do, and a long queue would only have everybody wait: then few may wait, until nobody does. (The controlled
+    delay of Nichols and Jacobson, "Controlling queue delay", 2012, at the entrance.)
 
     Args:
         workers: threads.
@@ -83,6 +108,7 @@ class Pool:
         self._working = 0
         self._workers = workers
         self._admitted = 0
+        self._nobody_waited = clock.monotonic()
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="respond")
 
@@ -103,28 +129,87 @@ class Pool:
         Raises:
             Overloaded: all places are taken; at once, without waiting.
         """
-        if not self._take(self.places):
-            raise Overloaded(f"{self.places} requests are already at work or waiting; try again in a second.")
+        if not self._take(self._open()):
+            raise self._full()
         try:
             yield
         finally:
             self._give_back()
 
-    async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """The result of work done on one of the threads, in the caller's context. The caller has been admitted."""
+    def check(self) -> None:
+        """Takes no place; refuses who need not even send the rest of a request.
+
+        Raises:
+            Overloaded: all places are taken now.
+        """
+        if self._admitted >= self._open():
+            raise self._full()
+
+    def _full(self) -> Overloaded:
+        return Overloaded(f"{self._admitted} requests are already at work or waiting; try again in a second.")
+
+    def _open(self) -> int:
+        """How many places there are now."""
+        if self._admitted <= self._workers or clock.monotonic() - self._nobody_waited < BURST:
+            return self.places
+        return min(self.places, (1 + STANDING) * self._workers)
+
+    def hand_over(self, work: Callable[[], T], tell: Callable[[Any, BaseException | None], object]) -> Future[None]:
+        """Has work done on one of the threads, in the caller's context. The caller has been admitted.
+
+        Args:
+            work: to do.
+            tell: called on that thread with the result, or with what was raised instead; it should not take long.
+
+        Returns:
+            What ends when the thread is free again; cancelled, the work is dropped unless it has begun.
+        """
         context, came = copy_context(), clock.perf_counter()
 
-        def begin() -> T:
+        def do() -> None:
             self._waited(clock.perf_counter() - came)
             with self._lock:
                 self._working += 1
+            result, raised = None, None
             try:
-                return context.run(work, *args, **kwargs)
+                result = context.run(work)
+            except BaseException as error:
+                raised = error
             finally:
                 with self._lock:
                     self._working -= 1
+            tell(result, raised)
 
-        return await asyncio.wrap_future(self._threads.submit(begin))
+        return self._threads.submit(do)
+
+    def begin(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Work[T]:
+        """Has work done on one of the threads, for an event loop; as `hand_over`."""
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[T] = loop.create_future()
+
+        def settle(result: T, raised: BaseException | None) -> None:
+            if future.done():
+                return
+            if raised is None:
+                future.set_result(result)
+            else:
+                future.set_exception(raised)
+
+        def tell(result: T, raised: BaseException | None) -> None:
+            loop.call_soon_threadsafe(settle, result, raised)
+
+        thread = self.hand_over(lambda: work(*args, **kwargs), tell)
+        thread.add_done_callback(lambda ended: ended.cancelled() and loop.call_soon_threadsafe(future.cancel))
+        return Work(future, thread)
+
+    async def run(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """The result of work, as `begin` has it done; dropped where the caller is cancelled before it began."""
+        begun = self.begin(work, *args, **kwargs)
+        try:
+            return await begun.result
+        except asyncio.CancelledError:
+            begun.thread.cancel()
+            raise
 
     async def run_each(
         self, work: Callable[[S], T], items: Sequence[S], abandoned: Callable[[], Awaitable[bool]]
@@ -165,9 +250,13 @@ class Pool:
         """Takes a place unless so many are taken; returns whether it did."""
         with self._lock:
             taken = self._admitted < limit
+            if self._admitted <= self._workers:
+                self._nobody_waited = clock.monotonic()
             self._admitted += taken
             return taken
 
     def _give_back(self) -> None:
         with self._lock:
             self._admitted -= 1
+            if self._admitted <= self._workers:
+                self._nobody_waited = clock.monotonic()

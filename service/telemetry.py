@@ -117,7 +117,7 @@ class Telemetry:
             seen.trace_id = self._traces.trace_id(span)
         outer, began = _current.get(), clock.perf_counter()
         _current.set(seen)
-        self.metrics.under_way.labels(wire).inc()
+        self.metrics.under_way.add(1, wire)
         try:
             yield seen
         except BaseException as error:
@@ -152,7 +152,7 @@ class Telemetry:
 
     def dropped(self, wire: Wire, count: int = 1) -> None:
         """Counts clouds of streams that were not answered, as newer ones had come."""
-        self.metrics.drops.labels(wire).inc(count)
+        self.metrics.drops.add(count, wire)
 
     def close(self) -> None:
         """Sends what was not sent yet."""
@@ -162,15 +162,16 @@ class Telemetry:
     def _tell(self, stages: Stages, failed: bool) -> None:
         seen = current()
         if not failed:
+            wire = LOCAL if seen is None else seen.wire
             for stage, spent in stages.timings_ms().items():
-                self.metrics.stages.labels(LOCAL if seen is None else seen.wire, stage).observe(spent / 1000)
+                self.metrics.stages.observe(spent / 1000, wire, stage)
         if self._traces is not None and seen is not None and seen.span is not None:
             self._traces.stages(seen.span, stages.over, failed)
 
     def _end(self, seen: Seen, seconds: float) -> None:
-        self.metrics.under_way.labels(seen.wire).dec()
-        self.metrics.requests.labels(seen.wire, seen.operation, seen.outcome).inc()
-        self.metrics.durations.labels(seen.wire, seen.operation).observe(seconds)
+        self.metrics.under_way.add(-1, seen.wire)
+        self.metrics.requests.add(1, seen.wire, seen.operation, seen.outcome)
+        self.metrics.durations.observe(seconds, seen.wire, seen.operation)
         facts = seen.facts()
         if self._traces is not None and seen.span is not None:
             failure = None if seen.outcome == "ok" else seen.outcome

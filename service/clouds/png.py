@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import io
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from service.clouds.claims import check_count, quote
 from service.engine.errors import UnreadableCloud
+
+if TYPE_CHECKING:
+    from PIL.Image import Image  # else imported by those who need it: most clouds are no pictures
 
 MEDIA_TYPE = "image/png"
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -55,8 +57,10 @@ def read(data: bytes, max_pixels: int, where: str) -> NDArray[Any]:
         ) from error
 
 
-def _open(data: bytes, size: tuple[int, int]) -> Image.Image:
+def _open(data: bytes, size: tuple[int, int]) -> Image:
     """Opens a picture without decoding it; a second header may not make it larger than the first."""
+    from PIL import Image
+
     picture = Image.open(io.BytesIO(data), formats=["PNG"])
     if picture.size != size:
         raise ValueError("two headers")
@@ -65,6 +69,8 @@ def _open(data: bytes, size: tuple[int, int]) -> Image.Image:
 
 def write(image: NDArray[np.uint8]) -> bytes:
     """A grey picture (rows, columns), 0 black, as PNG."""
+    from PIL import Image
+
     file = io.BytesIO()
     Image.fromarray(image).save(file, "PNG", optimize=True)
     return file.getvalue()

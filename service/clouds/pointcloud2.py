@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import struct
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from service.clouds.claims import check_bytes, check_count, quote
 from service.clouds.frame import RawCloud
 from service.engine.errors import UnreadableCloud
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 MOST_FIELDS = 256
@@ -67,6 +68,8 @@ def _origin(message: Any) -> Origin:
 @cache
 def _types() -> Typestore:
     """The messages of ROS 2; PointCloud2 is the same in all of its releases."""
+    from rosbags.typesys import Stores, get_typestore
+
     return get_typestore(Stores.ROS2_JAZZY)
 
 

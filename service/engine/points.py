@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from service.engine.cloud import PointCloud
 from service.engine.segments import SegmentGraph
@@ -24,6 +23,8 @@ def segments_of_points(cloud: PointCloud, graph: SegmentGraph) -> NDArray[np.int
         cloud: in which the segments were seen.
         graph: the segments.
     """
+    from scipy.spatial import cKDTree  # a tenth of a second, which answers without points do not need
+
     centres = (np.floor(graph.points / graph.voxel) + 0.5) * graph.voxel
     tree = cKDTree(centres)
     labels = np.append(graph.labels, -1).astype(np.int32)  # the tree says M for what is out of reach

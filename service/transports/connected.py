@@ -12,6 +12,8 @@ from service.engine.errors import Cancelled
 
 T = TypeVar("T")
 
+GLANCE = 0.05  # seconds of work in which nobody looks whether the client is there: most is done by then, for less
+
 
 async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
     """The result of work for a request; when its client hangs up, the work is cancelled.
@@ -24,19 +26,30 @@ async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
         Cancelled: the client hung up before the work was done.
         Exception: whatever the work raises.
     """
-    working, leaving = asyncio.ensure_future(work), asyncio.ensure_future(_hung_up(request))
+    task = asyncio.current_task()
+    assert task is not None
+    watching: asyncio.Task[None] | None = None
+    left = False
+
+    async def watch() -> None:
+        nonlocal left
+        while (await request.receive())["type"] != "http.disconnect":
+            pass  # of a request that was received, nothing else is left to come
+        left = True
+        task.cancel()
+
+    def begin() -> None:
+        nonlocal watching
+        watching = asyncio.ensure_future(watch())
+
+    timer = asyncio.get_running_loop().call_later(GLANCE, begin)
     try:
-        await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
-        if working.done():
-            return working.result()
-        raise Cancelled("The client hung up before it had its answer; the work was ended.")
+        return await work
+    except asyncio.CancelledError:
+        if left and task.uncancel() == 0:
+            raise Cancelled("The client hung up before it had its answer; the work was ended.") from None
+        raise
     finally:
-        working.cancel()
-        leaving.cancel()
-        await asyncio.gather(working, leaving, return_exceptions=True)
-
-
-async def _hung_up(request: Request) -> None:
-    """Waits for the client to hang up: of a request that was received, nothing else is left to come."""
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
+        timer.cancel()
+        if watching is not None:
+            watching.cancel()

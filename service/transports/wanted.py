@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -26,23 +25,20 @@ async def run_while_wanted(pool: Pool, work: Callable[[OnStage], T]) -> T:
     Raises:
         Exception: whatever the work raises.
     """
-    begun, unwanted = threading.Event(), threading.Event()
+    wanted = True
 
     def go_on(stage: str) -> None:
-        if unwanted.is_set():
+        if not wanted:
             raise Cancelled(f"The client hung up, or its deadline passed; the work ended before {stage}.")
 
     def begin() -> T:
-        begun.set()
         go_on("it began")
         return work(go_on)
 
-    working = asyncio.ensure_future(pool.run(begin))
+    begun = pool.begin(begin)
     try:
-        return await asyncio.shield(working)
+        return await begun.result
     except asyncio.CancelledError:
-        unwanted.set()
-        if not begun.is_set():
-            working.cancel()
-        await asyncio.gather(working, return_exceptions=True)  # its place is free when its thread is
+        wanted = False
+        await begun.end()  # its place is free when its thread is
         raise

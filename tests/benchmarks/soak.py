@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import queue
 import struct
-import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 import grpc
 import httpx
@@ -29,6 +26,7 @@ import zenoh
 from service.clouds import write_ply
 from service.transports.grpc.generated.shapeconcepts.v1 import cloud_pb2, service_pb2
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
+from tests.benchmarks.replicas import Replica, replica
 from tests.learnt import objects
 from tests.service.transports.zenoh.router import free_endpoint, routing, session
 
@@ -36,19 +34,6 @@ CLOUDS = 6
 REST_CLIENTS, WINDOW, ROBOTS = 2, 2, 4  # REST clients a replica, open requests a gRPC stream, zenoh keys
 LOST = 30.0  # seconds after which an answer that did not come is counted as lost
 LOOK_EVERY = 30.0  # seconds between two rows
-
-
-class Replica(NamedTuple):
-    """A replica and where it can be asked."""
-
-    process: subprocess.Popen[bytes]
-    http: str
-    grpc: str
-
-    def memory(self) -> float:
-        """Resident memory, MiB."""
-        pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
-        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 class Load:
@@ -85,7 +70,8 @@ def main(arguments: list[str]) -> None:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         router = free_endpoint()
         stack.enter_context(routing(router))
-        replicas = [stack.enter_context(replica(folder, name, router)) for name in ("a", "b")]
+        given = {"ZENOH_CONNECT": router, "STREAMS": json.dumps([{"key": "robots/*/cloud"}]), "LOG_LEVEL": "warning"}
+        replicas = [stack.enter_context(replica(folder, name, **given)) for name in ("a", "b")]
         clouds = [write_ply(thing.cloud) for thing in objects()[:CLOUDS]]
         load = Load(clouds, [ask(replicas[0].http, cloud) for cloud in clouds])
         seen = soak(load, replicas, router, minutes)
@@ -94,38 +80,6 @@ def main(arguments: list[str]) -> None:
     }
     print(f"{sum(times for what, times in seen.items() if what.endswith('answered'))} answered; {wrong or 'all well'}")
     sys.exit(bool(wrong))
-
-
-@contextmanager
-def replica(folder: Path, name: str, router: str) -> Iterator[Replica]:
-    """A replica as a process, over a store without models: the built-in one answers."""
-    http, rpc = (free_endpoint().removeprefix("tcp/") for _ in range(2))
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", http.rpartition(":")[2]]
-    given = {
-        "STORE": str(folder / "store"),
-        "GRPC_PORT": rpc.rpartition(":")[2],
-        "ZENOH_CONNECT": router,
-        "ZENOH_LISTEN": free_endpoint(),  # replicas find each other through the router, and need to reach each other
-        "STREAMS": json.dumps([{"key": "robots/*/cloud"}]),
-        "WORKERS": "1",
-        "LOG_LEVEL": "warning",
-    }
-    environment = os.environ | {f"SHAPE_CONCEPTS_{key}": value for key, value in given.items()}
-    with (folder / f"{name}.log").open("wb") as log:
-        process = subprocess.Popen(command, stderr=log, env=environment)
-    try:
-        for _ in range(600):
-            try:
-                if httpx.get(f"http://{http}/readyz", timeout=10).status_code == 200:
-                    break
-            except httpx.TransportError:
-                time.sleep(0.1)
-        yield Replica(process, f"http://{http}", rpc)
-    finally:
-        process.terminate()
-        process.wait(60)
-        if said := (folder / f"{name}.log").read_text():
-            print(f"replica {name} logged:\n{said[-3000:]}")
 
 
 def ask(address: str, cloud: bytes) -> list[float]:

@@ -6,11 +6,12 @@ import asyncio
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 
 import pytest
 
 from service.engine.errors import Cancelled, Overloaded
-from service.pool import Intake, Pool
+from service.pool import BURST, STANDING, Intake, Pool
 
 
 def test_one_too_many_is_refused_at_once_and_admitted_later() -> None:
@@ -143,3 +144,71 @@ class TestSeveralItems:
         with pool.admitted():
             pass
         pool.close()
+
+
+class TestTooMuchToDo:
+    def test_a_burst_is_taken_in_whole(self) -> None:
+        pool = Pool(workers=2, queue=30)
+        with ExitStack() as stack:
+            for _ in range(32):
+                stack.enter_context(pool.admitted())
+            with pytest.raises(Overloaded, match="32 requests"):
+                pool.check()
+        pool.close()
+
+    def test_where_some_have_waited_all_the_time_few_may_wait(self) -> None:
+        pool = Pool(workers=2, queue=30)
+        with ExitStack() as stack:
+            held = [stack.enter_context(ExitStack()) for _ in range(12)]
+            for place in held:
+                place.enter_context(pool.admitted())
+            time.sleep(1.5 * BURST)
+            few = 2 * (1 + STANDING)
+            for place in held:
+                left = pool.at_work + pool.waiting
+                if left >= few:
+                    with pytest.raises(Overloaded), pool.admitted():
+                        pass
+                else:
+                    with pool.admitted():
+                        pass
+                place.close()
+        pool.close()
+
+    def test_when_nobody_waits_any_more_another_burst_is_taken_in(self) -> None:
+        pool = Pool(workers=1, queue=30)
+        with pool.admitted(), pool.admitted():
+            time.sleep(1.5 * BURST)
+        with ExitStack() as stack:
+            for _ in range(31):
+                stack.enter_context(pool.admitted())
+        pool.close()
+
+    def test_a_queue_shorter_than_that_stays_as_short(self) -> None:
+        pool = Pool(workers=1, queue=1)
+        with pool.admitted(), pool.admitted():
+            time.sleep(1.5 * BURST)
+            with pytest.raises(Overloaded):
+                pool.check()
+        pool.close()
+
+
+def test_work_dropped_when_the_pool_closes_is_waited_for_no_longer() -> None:
+    pool = Pool(workers=1, queue=1)
+    begun, go = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        begun.set()
+        go.wait(5)
+
+    async def close_meanwhile() -> None:
+        first, second = pool.begin(hold), pool.begin(hold)
+        await asyncio.to_thread(begun.wait, 5)
+        closing = asyncio.create_task(asyncio.to_thread(pool.close))
+        with pytest.raises(asyncio.CancelledError):
+            await second.result
+        go.set()
+        await first.result
+        await closing
+
+    asyncio.run(close_meanwhile())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
+from contextlib import aclosing, asynccontextmanager, contextmanager
 from contextvars import ContextVar
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from service.engine.errors import Cancelled, ContentTooLarge, InvalidParameter, 
 from service.scopes import Scope
 from service.telemetry import Telemetry, Wire
 from service.transports import errors
+from service.transports.entering import entered, key_in
 from service.transports.grpc import messages
 from service.transports.grpc.generated.shapeconcepts.v1 import service_pb2
 from service.transports.request_ids import name_request
@@ -66,6 +67,8 @@ class Guard(grpc.aio.ServerInterceptor):
         services: names of our services.
         open: paths of the calls that need no access key.
         scopes: that calls need one of, by their paths, where it is not "answer".
+        check: raises before the message of an answering call is received where there is too much to do.
+        answering: paths of these calls.
     """
 
     def __init__(
@@ -77,7 +80,10 @@ class Guard(grpc.aio.ServerInterceptor):
         services: Iterable[str] = (SERVICE,),
         open: frozenset[str] = frozenset(),
         scopes: Mapping[str, tuple[Scope, ...]] | None = None,
+        check: Callable[[], None] = lambda: None,
+        answering: frozenset[str] = frozenset(),
     ) -> None:
+        self._check, self._answering = check, answering
         self._scopes = dict(scopes or {})
         self._ours = tuple(f"/{name}/" for name in services)
         self._unlocked = open
@@ -86,6 +92,8 @@ class Guard(grpc.aio.ServerInterceptor):
         self._limit = calls
         self._timeout = timeout
         self._open = 0
+        self._guarded_handlers: dict[str, Any] = {}
+        self._receiving: set[asyncio.Timeout] = set()
         self._ending = asyncio.Event()
         self._none_open = asyncio.Event()
         self._none_open.set()
@@ -97,6 +105,9 @@ class Guard(grpc.aio.ServerInterceptor):
             grace: how long at most, seconds.
         """
         self._ending.set()
+        for waiting in self._receiving:
+            if not waiting.expired():
+                waiting.reschedule(0)  # at once
         try:
             async with asyncio.timeout(grace):
                 await self._none_open.wait()
@@ -107,14 +118,23 @@ class Guard(grpc.aio.ServerInterceptor):
         self, continuation: Callable[[Any], Awaitable[Any]], call: grpc.HandlerCallDetails
     ) -> Any:
         """The handler of a call, with the guard before it: one that reads and writes messages itself."""
+        if known := self._guarded_handlers.get(call.method):
+            return known
         handler = await continuation(call)
         if handler is None or not call.method.startswith(self._ours):
             return handler
-        return grpc.stream_stream_rpc_method_handler(
-            partial(self._guarded, handler, call.method), response_serializer=handler.response_serializer
+        # One response is sent together with the status that ends the call.
+        make = (
+            grpc.stream_stream_rpc_method_handler
+            if handler.response_streaming
+            else grpc.stream_unary_rpc_method_handler
         )
+        guarded = make(partial(self._guarded, handler, call.method), response_serializer=handler.response_serializer)
+        self._guarded_handlers[call.method] = guarded
+        return guarded
 
-    async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> None:
+    async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> Any:
+        """Answers a call; returns the response where there is one alone."""
         given = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
         request_id = name_request(given.get(REQUEST_ID, ""))
         _request_id.set(request_id)
@@ -125,7 +145,9 @@ class Guard(grpc.aio.ServerInterceptor):
                 with self._entered():
                     async with self._let_in(method, _key_of(context)) as caller:  # before any message is received
                         asking.set(caller)
-                        await self._behave(handler, context)
+                        if method in self._answering:
+                            self._check()
+                        return await self._behave(handler, context)
             except Exception as error:
                 seen.failed(error.kind if isinstance(error, Refusal) else error)
                 problem = _tell(error, request_id)
@@ -151,24 +173,14 @@ class Guard(grpc.aio.ServerInterceptor):
 
     @asynccontextmanager
     async def _let_in(self, method: str, key: str | None) -> AsyncIterator[Caller]:
-        """Asks the gate; on a thread where it may have to ask the store."""
+        """Asks the gate, where the call needs to be let in."""
         if method in self._unlocked:
             yield self._gate.anybody
             return
-        with ExitStack() as stack:
-            entered = self._gate.entered(key, *self._scopes.get(method, ANSWER))
-            if self._gate.open:
-                caller = stack.enter_context(entered)
-            else:
-                entering = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entered))
-                try:
-                    caller = await asyncio.shield(entering)
-                except asyncio.CancelledError:
-                    await asyncio.gather(entering, return_exceptions=True)
-                    raise
+        async with entered(self._gate, key, *self._scopes.get(method, ANSWER)) as caller:
             yield caller
 
-    async def _behave(self, handler: Any, context: Any) -> None:
+    async def _behave(self, handler: Any, context: Any) -> Any:
         if handler.request_streaming:
             responses = handler.stream_stream(self._requests(handler, context), context)
         else:
@@ -176,14 +188,14 @@ class Guard(grpc.aio.ServerInterceptor):
             if request is None:
                 raise InvalidParameter("The call ended without the one message that it takes.")
             if not handler.response_streaming:
-                await context.write(await handler.unary_unary(request, context))
-                return
+                return await handler.unary_unary(request, context)
             responses = handler.unary_stream(request, context)
         async with aclosing(responses):
             async for response in responses:
                 await context.write(response)
         if handler.request_streaming and self._ending.is_set():
             raise _ending()
+        return None
 
     async def _requests(self, handler: Any, context: Any) -> AsyncIterator[Any]:
         while (request := await self._receive(handler, context, None)) is not None:
@@ -197,19 +209,20 @@ class Guard(grpc.aio.ServerInterceptor):
             ContentTooLarge: more of them than the caller may send; gRPC itself refuses what the service does not take.
             Refusal: nothing came in time.
         """
-        reading = asyncio.ensure_future(context.read())
-        ending = asyncio.ensure_future(self._ending.wait())
+        if self._ending.is_set():
+            return None
         try:
-            await asyncio.wait({reading, ending}, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
-            if not reading.done():
-                if ending.done():
-                    return None
-                raise Refusal("request-timeout", LATE, f"The message did not arrive within {timeout:g} seconds.")
-            if (received := reading.result()) is grpc.aio.EOF:
+            async with asyncio.timeout(timeout) as waiting:
+                self._receiving.add(waiting)
+                received = await context.read()
+        except TimeoutError:
+            if self._ending.is_set():
                 return None
+            raise Refusal("request-timeout", LATE, f"The message did not arrive within {timeout:g} seconds.") from None
         finally:
-            ending.cancel()
-            reading.cancel()
+            self._receiving.discard(waiting)
+        if received is grpc.aio.EOF:
+            return None
         if len(received) > (limit := asking.get().max_body):
             raise ContentTooLarge(
                 f"The message of {len(received)} bytes is larger than the {limit} that are taken. Send fewer points, "
@@ -230,8 +243,7 @@ def _key_of(context: Any) -> str | None:
     """The access key in a call's metadata, `authorization: Bearer KEY`."""
     for name, value in context.invocation_metadata() or ():
         if name == "authorization" and isinstance(value, str):
-            kind, _, key = value.partition(" ")
-            return key.strip() if kind.lower() == "bearer" else None
+            return key_in(value)
     return None
 
 

@@ -26,6 +26,7 @@ from service.transports.served import Served
 log = logging.getLogger(__name__)
 
 CALLS = 256  # open at a time; streams are silent for most of theirs
+ANSWERING = ("Respond", "RespondScene", "RespondBatch")  # calls that need a place in the pool as soon as they begin
 OTHERS = 64  # calls beside those: to health and reflection
 READY_EVERY = 1.0  # seconds after which it is asked again whether there is a model to answer with
 CLOSING = 1.0  # seconds in which the last words are sent; calls that watch our health would go on for ever
@@ -54,7 +55,18 @@ async def serving(application: Application, grace: float, beside: Sequence[Serve
         return
     names = (SERVICE, JOBS, *(service.name for service in beside))
     unlocked = frozenset(f"/{service.name}/{call}" for service in beside for call in service.open)
-    guard = Guard(application.access, application.telemetry, CALLS, settings.body_timeout, names, unlocked, SCOPES)
+    answering = frozenset(f"/{SERVICE}/{call}" for call in ANSWERING)
+    guard = Guard(
+        application.access,
+        application.telemetry,
+        CALLS,
+        settings.body_timeout,
+        names,
+        unlocked,
+        SCOPES,
+        application.pool.check,
+        answering,
+    )
     server = grpc.aio.server(
         interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
     )

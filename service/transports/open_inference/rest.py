@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from functools import partial
 
-from fastapi.concurrency import contextmanager_in_threadpool, run_in_threadpool
+from fastapi.concurrency import run_in_threadpool
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -23,6 +23,7 @@ from service.telemetry import current
 from service.transports import errors
 from service.transports.arriving import arriving, limits_of, whole
 from service.transports.connected import while_connected
+from service.transports.entering import entered, key_in
 from service.transports.open_inference.inference import infer, metadata, parse_model, parse_version
 from service.transports.open_inference.rest_messages import HEADER_LENGTH, Body, read_request, write_response
 from service.transports.open_inference.signature import SERVER
@@ -120,8 +121,8 @@ def _told(application: Application, scope: Scope | None, endpoint: Endpoint) -> 
         try:
             async with AsyncExitStack() as stack:
                 if scope is not None:
-                    entered = application.access.entered(_key(request), scope)
-                    request.state.caller = await stack.enter_async_context(contextmanager_in_threadpool(entered))
+                    key = key_in(request.headers.get("authorization", ""))
+                    request.state.caller = await stack.enter_async_context(entered(application.access, key, scope))
                 return await endpoint(request)
         except ShapeConceptsError as error:
             return _ours(request, error)
@@ -169,11 +170,6 @@ def _detail(error: ShapeConceptsError) -> str:
 def _meant(request: Request) -> tuple[str, str]:
     """The model and the version that the path names; "" for no version."""
     return request.path_params["model"], request.path_params.get("version", "")
-
-
-def _key(request: Request) -> str | None:
-    kind, _, key = request.headers.get("authorization", "").partition(" ")
-    return key.strip() if kind.lower() == "bearer" else None
 
 
 def _request_id(request: Request) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
 from fastapi import Depends, Request, Security
@@ -12,6 +12,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from service.access import Caller
 from service.application import Application
 from service.scopes import Scope
+from service.transports.entering import entered
 
 BEARER = HTTPBearer(
     auto_error=False,
@@ -24,10 +25,11 @@ READING = ("GET", "HEAD")
 def needing(application: Application, scope: Scope) -> Dependency:
     """Lets callers in whose access keys allow this; for as long as a request is under way."""
 
-    def enter(
+    async def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
-    ) -> Iterator[None]:
-        with application.access.entered(sent.credentials if sent else None, scope) as request.state.caller:
+    ) -> AsyncIterator[None]:
+        key = sent.credentials if sent else None
+        async with entered(application.access, key, scope) as request.state.caller:
             yield
 
     result: Any = Depends(enter)
@@ -43,11 +45,12 @@ def caller_of(request: Request) -> Caller:
 def reading(application: Application, *scopes: Scope, otherwise: Scope) -> Dependency:
     """As `needing`: who has one of some scopes may read, by default "answer"; who alters something needs another."""
 
-    def enter(
+    async def enter(
         request: Request, sent: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)]
-    ) -> Iterator[None]:
+    ) -> AsyncIterator[None]:
         any_of = (scopes or ("answer",)) if request.method in READING else (otherwise,)
-        with application.access.entered(sent.credentials if sent else None, *any_of) as request.state.caller:
+        key = sent.credentials if sent else None
+        async with entered(application.access, key, *any_of) as request.state.caller:
             yield
 
     result: Any = Depends(enter)

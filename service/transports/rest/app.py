@@ -27,6 +27,7 @@ from service.transports.rest import (
     streams,
 )
 from service.transports.rest.encodings import Decoding
+from service.transports.rest.known import Known
 
 WORTHWHILE = 4096  # bytes of the smallest answer that is compressed for those who accept it
 
@@ -41,6 +42,8 @@ def create_app(application: Application) -> FastAPI:
         version=__version__,
         summary="Tells of an object's point cloud which learned shape concepts it resembles.",
     )
+    app.state.known = Known(application)
+    app.router.routes.insert(0, app.state.known)
     app.add_middleware(Decoding)
     app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
     app.add_middleware(observing.Observing, application=application)

@@ -18,6 +18,7 @@ from service.transports.rest import examples
 from service.transports.rest.access import caller_of
 from service.transports.rest.bodies import FIELD, MASK, receive_cloud
 from service.transports.rest.detail import DetailQuery, as_json
+from service.transports.rest.known import remembered
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
     AliasQuery,
@@ -112,6 +113,7 @@ def router(application: Application) -> APIRouter:
         response_model=Answer | SceneAnswer,
         openapi_extra={"requestBody": BODY},
     )
+    @remembered("answer")
     async def respond(
         request: Request,
         model: ModelQuery = None,
@@ -150,6 +152,7 @@ def router(application: Application) -> APIRouter:
         parts = parse_detail(detail, stimuli=stimuli, segments=segments, explain=explain)
         camera = parse_camera(intrinsics, depth_scale)
         caller = caller_of(request)
+        application.pool.check()
         with application.intake.opened() as take:
             limits = limits_of(application.settings, caller)
             data, format, name, mask = await receive_cloud(request, limits, take)

@@ -92,7 +92,7 @@ async def _answering(application: Application, session: zenoh.Session) -> AsyncI
     turns = asyncio.Semaphore(settings.workers)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(asyncio.to_thread, session.close)
-        queries = Queries(application, session, asyncio.get_running_loop())
+        queries = Queries(application, session)
         stack.push_async_callback(queries.close)
         for stream in settings.streams:
             answering = Answering(application, session, stream, turns)

@@ -126,3 +126,31 @@ def test_what_was_not_measured_is_known_by_its_place():
     assert cloud.measured.tolist() == [False, True, False, True, False]
     assert np.array_equal(rows[cloud.measured], cloud.points)
     assert place(RawCloud(POINTS), "m", None).measured is None
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(
+    st.lists(
+        st.tuples(*[st.one_of(numbers, st.sampled_from([0.0, np.nan, np.inf, 1e-50, 3.4e38, 1e39]))] * 3),
+        min_size=1,
+        max_size=6,
+    )
+)
+def test_a_plain_cloud_is_what_it_is_when_every_point_is_looked_at(points: list[tuple[float, float, float]]):
+    xyz = np.array(points)
+
+    def placed(viewpoint: Viewpoint | None) -> object:
+        try:
+            return place(RawCloud(xyz), None, viewpoint)
+        except (NoFinitePoints, ImplausibleExtent) as error:
+            return type(error)
+
+    quick = placed(None)
+    # equal to the origin, but not by its bits: so that each point is looked at
+    plain = placed(Viewpoint((0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0)))
+    if isinstance(quick, type):
+        assert quick is plain
+    else:
+        assert np.array_equal(quick.points, plain.points)
+        assert (quick.measured is None) == (plain.measured is None)
+        assert quick.measured is None or np.array_equal(quick.measured, plain.measured)
