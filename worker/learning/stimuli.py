@@ -41,6 +41,8 @@ def stack(rows: Iterable[Stimuli], vertices: int) -> csr_array:
     """Stimuli vectors of N objects as the rows of a sparse matrix (N, V)."""
     given = list(rows)
     indptr = np.cumsum([0, *(len(row.indices) for row in given)], dtype=np.int64)
+    if indptr[-1] <= np.iinfo(np.int32).max:  # else all indices would be of 64 bits
+        indptr = indptr.astype(np.int32)
     data = np.concatenate([row.values for row in given])
     indices = np.concatenate([row.indices for row in given])
     return csr_array((data, indices, indptr), shape=(len(given), vertices))
