@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -16,7 +17,7 @@ from service.engine.errors import (
     NoFinitePoints,
     TooFewPoints,
 )
-from service.engine.neighbours import touching
+from service.engine.neighbours import Neighbourhood, touching
 from service.engine.params import CloudParams
 
 LATTICE_BITS = 21  # three coordinates of 21 bits fit one 63-bit key
@@ -69,7 +70,8 @@ class NormalisedCloud:
     """A cloud in its own frame.
 
     Attributes:
-        points: (N, 3) float64, extents; sorted, so that nothing depends on the order in which points came.
+        points: (N, 3) float64, extents, a column a coordinate; sorted, so that nothing depends on the order in which
+            points came.
         frame: where the points lie.
         warnings: what is odd about the cloud, in sentences.
     """
@@ -95,6 +97,11 @@ class VoxelCloud:
     size: float
     frame: Frame
 
+    @cached_property
+    def adjacent(self) -> Neighbourhood:
+        """Which voxels touch."""
+        return touching(self.cells)
+
 
 def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
     """Brings a cloud into its own frame, whatever its order, place, attitude and size.
@@ -109,14 +116,15 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
     centre, radius = _centre(points)
     _check_extent(2 * radius, params)
     _check_distance(float(np.linalg.norm(centre)), 2 * radius)
-    points = points[_distances(points, centre) <= 1.5 * radius]
-    if len(points) < params.min_points:
+    points = _kept(points, _distances(points, centre) <= 1.5 * radius)
+    if points.shape[1] < params.min_points:
         raise TooFewPoints(
-            f"The object has {len(points)} points beside scattered ones, fewer than the {params.min_points} needed. "
-            "Send the object alone, or move the sensor closer."
+            f"The object has {points.shape[1]} points beside scattered ones, fewer than the {params.min_points} "
+            "needed. Send the object alone, or move the sensor closer."
         )
-    frame = Frame(centre, _principal_axes(points - centre), 2 * radius)
-    return NormalisedCloud((points - centre) @ frame.axes / frame.extent, frame, _warnings(centre, radius))
+    axes, own = _along_principal_axes(points - centre[:, None])
+    own /= 2 * radius
+    return NormalisedCloud(own.T, Frame(centre, axes, 2 * radius), _warnings(centre, radius))
 
 
 def downsample(cloud: NormalisedCloud, params: CloudParams) -> VoxelCloud:
@@ -125,34 +133,42 @@ def downsample(cloud: NormalisedCloud, params: CloudParams) -> VoxelCloud:
     A sparse cloud gets larger voxels, so that its surface has no holes; so does one that fills its volume, so that the
     work stays bounded.
     """
-    size = params.voxel
+    points, size = cloud.points.T, params.voxel
     while True:
-        sums, cells = _voxel_sums(cloud.points, size)
-        fine = len(cloud.points) >= params.points_per_voxel * len(sums) and len(sums) <= params.max_voxels
+        voxels, keys, shape = occupied_cells(points, size)
+        fine = points.shape[1] >= params.points_per_voxel * len(keys) and len(keys) <= params.max_voxels
         if fine or size >= COARSEST_VOXEL:
             break
         size = min(size * 2**0.25, COARSEST_VOXEL)
-    island = touching(cells).islands()
-    voxels = np.bincount(island)
-    kept = (voxels >= min(params.min_island * len(cells), voxels.max()))[island]
-    return VoxelCloud(sums[kept, :3] / sums[kept, 3:], cells[kept], size, cloud.frame)
+    means = means_of(points, voxels, len(keys))
+    cells = np.stack(np.unravel_index(keys, shape), axis=1).astype(np.int32)
+    return _without_specks(VoxelCloud(means, cells, size, cloud.frame), params.min_island)
+
+
+def _without_specks(cloud: VoxelCloud, least: float) -> VoxelCloud:
+    """The voxels without the islands that hold less than this share of them."""
+    island = cloud.adjacent.islands()
+    count = np.bincount(island)
+    kept = (count >= min(least * len(island), count.max()))[island]
+    return cloud if kept.all() else VoxelCloud(cloud.points[kept], cloud.cells[kept], cloud.size, cloud.frame)
 
 
 def _checked(cloud: PointCloud, params: CloudParams) -> NDArray[np.float64]:
-    """The cloud's points as float64, if they are enough and not all alike."""
-    points = np.asarray(cloud.points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise EmptyCloud(f"A cloud is an array of N x 3 coordinates; this one has the shape {points.shape}.")
-    if len(points) == 0:
+    """The cloud's points (3, N) as float64, if they are enough and not all alike."""
+    given = np.asarray(cloud.points)
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise EmptyCloud(f"A cloud is an array of N x 3 coordinates; this one has the shape {given.shape}.")
+    if len(given) == 0:
         raise EmptyCloud("The cloud holds no point. Send the points that the sensor measured of one object.")
+    points = np.ascontiguousarray(given.T, dtype=np.float64)
     finite = np.isfinite(points)
     if not finite.all():
-        points = points[finite.all(axis=1)]
-    if len(points) == 0:
+        points = points[:, finite.all(axis=0)]
+    if points.shape[1] == 0:
         raise NoFinitePoints("Every point of the cloud is NaN or infinite: the sensor measured nothing there.")
-    if len(points) < params.min_points:
+    if points.shape[1] < params.min_points:
         raise TooFewPoints(
-            f"The cloud has {len(points)} points; at least {params.min_points} are needed. "
+            f"The cloud has {points.shape[1]} points; at least {params.min_points} are needed. "
             "Move the sensor closer, or send the cloud at a higher resolution."
         )
     return points
@@ -161,19 +177,24 @@ def _checked(cloud: PointCloud, params: CloudParams) -> NDArray[np.float64]:
 def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The points without those beyond all proportion, which would coarsen the lattice; medians know no order."""
     distance = _distances(points, _medians(points))
-    typical = np.median(distance)
+    typical = _median(distance)
     if typical == 0:
         raise DegenerateCloud(
-            f"{np.count_nonzero(distance == 0)} of the {len(points)} points of the cloud coincide: there is no surface "
-            "to describe."
+            f"{np.count_nonzero(distance == 0)} of the {points.shape[1]} points of the cloud coincide: there is no "
+            "surface to describe."
         )
-    return points[distance <= STRAY * typical]
+    return _kept(points, distance <= STRAY * typical)
+
+
+def _kept(points: NDArray[np.float64], kept: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Some of the points (3, N)."""
+    return points if kept.all() else points[:, kept]
 
 
 def _in_order(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Snaps points to a lattice of 2^21 steps over their bounds and sorts them, so that their order is forgotten."""
-    low = points.min(axis=0)
-    step = (points.max(axis=0) - low).max() / (2**LATTICE_BITS - 1)
+    low = points.min(axis=1)
+    step = (points.max(axis=1) - low).max() / (2**LATTICE_BITS - 1)
     return _of_keys(np.sort(_keys(points, low, step)), low, step)
 
 
@@ -182,15 +203,28 @@ def _centre(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     centre = _medians(points)
     for _ in range(4):
         distance = _distances(points, centre)
-        centre = _mean_within(points, distance, TRIM * np.median(distance))
+        centre = _mean_within(points, distance, TRIM * _median(distance))
     distance = _distances(points, centre)
-    kept = distance <= TRIM * np.median(distance)
-    return centre, float(np.quantile(distance[kept], 0.98))
+    return centre, _quantile(distance[distance <= TRIM * _median(distance)], 0.98)
 
 
 def _medians(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The median of each coordinate (3,)."""
-    return np.asarray(np.median(np.ascontiguousarray(points.T), axis=1))
+    return np.array([_median(axis) for axis in points])
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    return _quantile(values, 0.5)
+
+
+def _quantile(values: NDArray[np.float64], share: float) -> float:
+    """As numpy's, by one partition: interpolated between the two values on either side."""
+    place = share * (len(values) - 1)
+    left = int(place)
+    parted = np.partition(values, left)
+    if place == left:
+        return float(parted[left])
+    return float(parted[left] + (place - left) * (parted[left + 1 :].min() - parted[left]))
 
 
 def _check_extent(extent: float, params: CloudParams) -> None:
@@ -214,19 +248,23 @@ def _check_distance(distance: float, extent: float) -> None:
         )
 
 
-def _principal_axes(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Columns (3, 3): the axes of largest to smallest variance, right-handed, the skewed side positive."""
-    variance, axes = np.linalg.eigh(points.T @ points / len(points))
+def _along_principal_axes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Columns (3, 3): the axes of largest to smallest variance, right-handed, the skewed side positive.
+
+    And the centred points (3, N) along them.
+    """
+    variance, axes = np.linalg.eigh(points @ points.T / points.shape[1])
     if variance[1] < LINE * variance[2]:
         raise DegenerateCloud(
-            f"The {len(points)} points of the cloud lie on one line: there is no surface to describe. "
+            f"The {points.shape[1]} points of the cloud lie on one line: there is no surface to describe. "
             "Check that all three coordinates were filled in."
         )
-    axes = axes[:, ::-1]
-    skew = np.einsum("ij,ij,ij->j", *[points @ axes] * 3)
-    axes = axes * np.where(skew < 0, -1.0, 1.0)
+    own = axes[:, ::-1].T @ points
+    sign = np.where((own * own * own).sum(axis=1) < 0, -1.0, 1.0)
+    axes = axes[:, ::-1] * sign
+    sign[2] *= np.sign(np.linalg.det(axes))
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return axes
+    return axes, own * sign[:, None]
 
 
 def _warnings(centre: NDArray[np.float64], radius: float) -> tuple[str, ...]:
@@ -237,70 +275,89 @@ def _warnings(centre: NDArray[np.float64], radius: float) -> tuple[str, ...]:
     return ()
 
 
-def _voxel_sums(points: NDArray[np.float64], size: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Sums of coordinates and counts (M, 4), and cells (M, 3), of the occupied voxels in the order of their keys."""
-    cells = np.floor(points / size).astype(np.int32)
-    low = cells.min(axis=0)
-    shape = (cells.max(axis=0) - low + 1).astype(np.int64)
-    sums = _accumulate(points, cells, low, shape)
-    occupied = np.flatnonzero(sums[:, 3])
-    return sums[occupied], np.stack(np.unravel_index(occupied, tuple(shape)), axis=1).astype(np.int32)
+@njit(cache=True, nogil=True)
+def occupied_cells(
+    points: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.int32], NDArray[np.int64], tuple[int, int, int]]:
+    """The occupied cell of each of the points (3, N), their keys (M,), ascending, and the grid's shape."""
+    count = points.shape[1]
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for axis in range(3):
+        low[axis], high[axis] = np.floor(points[axis].min() / size), np.floor(points[axis].max() / size)
+    wide, deep = high[1] - low[1] + 1, high[2] - low[2] + 1
+    number = np.zeros((high[0] - low[0] + 1) * wide * deep, np.int32)
+    voxels = np.empty(count, np.int32)
+    for i in range(count):
+        x, y, z = np.floor(points[0, i] / size), np.floor(points[1, i] / size), np.floor(points[2, i] / size)
+        key = ((int(x) - low[0]) * wide + int(y) - low[1]) * deep + int(z) - low[2]
+        voxels[i] = key
+        number[key] = 1
+    occupied = 0
+    for key in range(len(number)):
+        occupied += number[key]
+    keys = np.empty(occupied, np.int64)
+    occupied = 0
+    for key in range(len(number)):
+        if number[key]:
+            keys[occupied], number[key] = key, occupied
+            occupied += 1
+    for i in range(count):
+        voxels[i] = number[voxels[i]]
+    return voxels, keys, (high[0] - low[0] + 1, wide, deep)
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(
-    points: NDArray[np.float64], cells: NDArray[np.int32], low: NDArray[np.int32], shape: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    sums = np.zeros((shape[0] * shape[1] * shape[2], 4))
-    for i in range(len(cells)):
-        key = ((cells[i, 0] - low[0]) * shape[1] + cells[i, 1] - low[1]) * shape[2] + cells[i, 2] - low[2]
+def means_of(points: NDArray[np.float64], voxels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+    """The mean of the points (3, N) of each voxel (M, 3)."""
+    sums = np.zeros((count, 4))
+    for i in range(len(voxels)):
         for axis in range(3):
-            sums[key, axis] += points[i, axis]
-        sums[key, 3] += 1
-    return sums
+            sums[voxels[i], axis] += points[axis, i]
+        sums[voxels[i], 3] += 1
+    out = np.empty((count, 3))
+    for voxel in range(count):
+        for axis in range(3):
+            out[voxel, axis] = sums[voxel, axis] / sums[voxel, 3]
+    return out
 
 
 @njit(cache=True, nogil=True)
 def _distances(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From each point (N, 3) to one (3,)."""
-    out = np.empty(len(points))
-    for i in range(len(points)):
-        dx, dy, dz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+    """From each point (3, N) to one (3,)."""
+    out = np.empty(points.shape[1])
+    x, y, z = centre
+    for i in range(len(out)):
+        dx, dy, dz = points[0, i] - x, points[1, i] - y, points[2, i] - z
         out[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
     return out
 
 
 @njit(cache=True, nogil=True)
 def _mean_within(points: NDArray[np.float64], distance: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
-    """Mean (3,) of the points whose distance is within a limit."""
-    total = np.zeros(3)
-    count = 0
-    for i in range(len(points)):
+    """Mean (3,) of the points (3, N) whose distance is within a limit."""
+    x, y, z, count = 0.0, 0.0, 0.0, 0
+    for i in range(len(distance)):
         if distance[i] <= limit:
-            count += 1
-            for axis in range(3):
-                total[axis] += points[i, axis]
-    return total / count
+            x, y, z, count = x + points[0, i], y + points[1, i], z + points[2, i], count + 1
+    return np.array([x / count, y / count, z / count])
 
 
 @njit(cache=True, nogil=True)
 def _keys(points: NDArray[np.float64], low: NDArray[np.float64], step: float) -> NDArray[np.int64]:
-    """Places (N,) on a lattice, x before y before z."""
-    out = np.empty(len(points), np.int64)
-    for i in range(len(points)):
-        key = 0
-        for axis in range(3):
-            key = (key << LATTICE_BITS) | int(np.rint((points[i, axis] - low[axis]) / step))
-        out[i] = key
+    """Places (N,) of points (3, N) on a lattice, x before y before z."""
+    out = np.empty(points.shape[1], np.int64)
+    for i in range(len(out)):
+        x, y, z = (points[0, i] - low[0]) / step, (points[1, i] - low[1]) / step, (points[2, i] - low[2]) / step
+        out[i] = int(np.rint(x)) << 2 * LATTICE_BITS | int(np.rint(y)) << LATTICE_BITS | int(np.rint(z))
     return out
 
 
 @njit(cache=True, nogil=True)
 def _of_keys(keys: NDArray[np.int64], low: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """The points (N, 3) of `_keys`."""
-    out = np.empty((len(keys), 3))
-    for i in range(len(keys)):
-        for axis in range(3):
+    """The points (3, N) of `_keys`."""
+    out = np.empty((3, len(keys)))
+    for axis in range(3):
+        for i in range(len(keys)):
             place = keys[i] >> (2 - axis) * LATTICE_BITS & (2**LATTICE_BITS - 1)
-            out[i, axis] = place * step + low[axis]
+            out[axis, i] = place * step + low[axis]
     return out

@@ -178,5 +178,9 @@ def rank_concepts(responses: NDArray[np.float64], spectrum: Spectrum) -> NDArray
 
 def squared_distances(stimuli: Stimuli, metric: Metric, prototypes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Squared Mahalanobis distances of an object from all training objects (N,)."""
+    away = prototypes - metric.embed_one(*stimuli)
+    within = np.einsum("nk,nk->n", away, away)
+    if not np.isfinite(metric.residual_variance):
+        return np.asarray(within)
     row = csr_array((stimuli.values, stimuli.indices, [0, len(stimuli.indices)]), shape=(1, len(metric.weights)))
-    return np.asarray(((prototypes - metric.embed(row)) ** 2).sum(axis=1) + metric.residual(row))
+    return np.asarray(within + metric.residual(row))

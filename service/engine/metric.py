@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,21 @@ class Metric:
     residual_variance: float
     power: float
 
+    def embed_one(self, indices: NDArray[np.int32], values: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Coordinates (k,) of one stimuli vector, given by its entries: what `embed` says, to rounding."""
+        data = _powers(values.astype(np.float64), float(values.sum(dtype=np.float64)), self.power)
+        return np.asarray((data * self.weights[indices]) @ self._projection[indices] - self._origin)
+
+    @cached_property
+    def _projection(self) -> NDArray[np.float64]:
+        """(V, k): what a feature counts along each component, in standard deviations."""
+        return np.ascontiguousarray(self.components.T.astype(np.float64) / np.sqrt(self.variance))
+
+    @cached_property
+    def _origin(self) -> NDArray[np.float64]:
+        """Coordinates (k,) of the mean."""
+        return np.asarray(self.mean.astype(np.float64) @ self._projection)
+
     def embed(self, stimuli: csr_array) -> NDArray[np.float64]:
         """Coordinates of stimuli vectors (n, V), in units of standard deviations; (n, k)."""
         centred_mean = self.components.astype(np.float64) @ self.mean
@@ -58,7 +74,16 @@ def features(stimuli: csr_array, weights: NDArray[np.float32], power: float) -> 
     data = rows.data.astype(np.float64)
     if power != 1:
         total = np.asarray(csr_array((data, rows.indices, rows.indptr), shape=rows.shape).sum(axis=1)).ravel()
-        data /= np.repeat(np.where(total > 0, total, 1.0), np.diff(rows.indptr))
-        np.power(data, power, out=data)
+        data = _powers(data, np.repeat(total, np.diff(rows.indptr)), power)
     data *= weights[rows.indices]
     return csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
+
+
+def _powers(data: NDArray[np.float64], total: NDArray[np.float64] | float, power: float) -> NDArray[np.float64]:
+    """A power of values over the sum of their vector; raw ones where the power is 1."""
+    if power == 1:
+        return data
+    shares = data / np.where(np.greater(total, 0), total, 1.0)
+    if power in (0.5, 0.25):  # roots are far quicker, and rounded better
+        return np.sqrt(shares) if power == 0.5 else np.sqrt(np.sqrt(shares))
+    return np.asarray(np.power(shares, power))

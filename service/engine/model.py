@@ -24,17 +24,18 @@ from service.engine.concepts import (
     squared_distances,
 )
 from service.engine.dictionary import Dictionary
+from service.engine.divergence import Distributions
 from service.engine.explain import Evidence, Explanation, explain_response
 from service.engine.filtration import Filtration, time_step
 from service.engine.metric import Metric
 from service.engine.motifs import Ensemble
 from service.engine.novelty import NoveltyScale, divergences_from, whole_of
 from service.engine.params import ModelParams
-from service.engine.perception import OnStage, ignore_stage, perceive
+from service.engine.perception import OnStage, Perception, ignore_stage, perceive
 from service.engine.points import segments_of_points
 from service.engine.prototypes import Prototypes
 from service.engine.space import TopologicalSpace
-from service.engine.stimuli import Stimuli, accumulate, excite
+from service.engine.stimuli import Stimuli, excite, stimulate
 
 
 @dataclass(frozen=True)
@@ -147,13 +148,12 @@ class ShapeModel:
         seen = perceive(cloud, self.params, on_stage)
 
         on_stage("stimuli")
-        words = self.dictionary.words(seen.segment_descriptors)
-        excitation = excite(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
-        stimuli = accumulate(excitation, self.ensemble, self.params.stimuli)
+        words = self._words(seen, explain)
+        stimuli = stimulate(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
 
         on_stage("novelty")
         whole = seen.descriptors[whole_of(seen.constellations)]
-        divergences = divergences_from(whole, self.ensemble, self.novelty_scale)
+        divergences = divergences_from(whole, self.wholes)
 
         on_stage("responses")
         squared, responses, distances = self.compare(stimuli, spectrum)
@@ -162,6 +162,7 @@ class ShapeModel:
         explanation, point_segments = None, None
         if explain:
             on_stage("explanation")
+            excitation = excite(self.ensemble, seen.constellations, seen.descriptors, words, self.params.stimuli)
             evidence = Evidence(seen, words, excitation, stimuli, np.sqrt(squared), divergences, ranking)
             explanation = explain_response(evidence, self.ensemble, spectrum, self.prototypes)
         if segments:
@@ -185,10 +186,16 @@ class ShapeModel:
             explanation=explanation,
         )
 
+    def _words(self, seen: Perception, explain: bool) -> NDArray[np.int64]:
+        """The visual words of an object's segments (S, n); (0, n) where neither stimuli nor explanation need them."""
+        asked = seen.segment_descriptors if explain or self.params.stimuli.gating == "words" else seen.descriptors[:0]
+        return self.dictionary.words(asked)
+
     def compare(self, stimuli: Stimuli, spectrum: Spectrum) -> Comparison:
         """How far an object is from the training objects, by its stimuli, and its responses to the concepts."""
         squared = squared_distances(stimuli, self.metric, self.embedded_prototypes)
-        spread = spread_of(spectrum, self.embedded_prototypes)
+        whole = spectrum is self.__dict__.get("_whole_spectrum")
+        spread = self._whole_spread if whole else spread_of(spectrum, self.embedded_prototypes)
         return Comparison(squared, *respond_to_concepts(squared, spectrum, spread, self.params.response))
 
     def concepts(self, time: float | None = None) -> Concepts:
@@ -207,6 +214,15 @@ class ShapeModel:
     @cached_property
     def _whole_spectrum(self) -> Spectrum:
         return spectrum_at(self.filtration, None, self.params.response.scales)
+
+    @cached_property
+    def _whole_spread(self) -> NDArray[np.float64]:
+        return spread_of(self._whole_spectrum, self.embedded_prototypes)
+
+    @cached_property
+    def wholes(self) -> Distributions:
+        """The training objects' wholes, to be compared with."""
+        return self.ensemble.distributions.of(self.novelty_scale.wholes)
 
     def facts(self) -> dict[str, Any]:
         """What the manifest says of the model beside its parameters."""

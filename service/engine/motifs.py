@@ -85,11 +85,13 @@ class Memories(NamedTuple):
         vertices: (W,) int64: the vertices, among all of the ensemble.
         prototypes: the Q motif prototypes of these vertices.
         mean_over_vertex: (Q, W) sparse, as that of the ensemble.
+        means_of_vertices: (W, Q) sparse: the same, a row a vertex.
     """
 
     vertices: NDArray[np.int64]
     prototypes: Distributions
     mean_over_vertex: csr_array
+    means_of_vertices: csr_array
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class Ensemble:
     objects: NDArray[np.int64]
     coverage: NDArray[np.float64]
 
-    @property
+    @cached_property
     def vertex_count(self) -> int:
         """Number of motif vertices V of all hierarchies: the dimension of the stimuli vector."""
         return sum(len(h.vertices) for h in self.hierarchies)
@@ -117,6 +119,11 @@ class Ensemble:
     def vertex_levels(self) -> NDArray[np.int64]:
         """The motif level of each vertex (V,)."""
         return np.array([level for h in self.hierarchies for level, _ in h.vertices], dtype=np.int64)
+
+    @cached_property
+    def top_level(self) -> int:
+        """The highest motif level."""
+        return int(self.vertex_levels.max())
 
     @cached_property
     def vertex_ranks(self) -> NDArray[np.int64]:
@@ -146,7 +153,8 @@ class Ensemble:
             mean = csr_array(self.mean_over_vertex[:, vertices])
             used = np.flatnonzero(np.diff(mean.indptr))
             if len(vertices):
-                found[rank] = Memories(vertices, distributions(self.prototypes[used]), csr_array(mean[used]))
+                own = csr_array(mean[used])
+                found[rank] = Memories(vertices, distributions(self.prototypes[used]), own, csr_array(own.T.tocsr()))
         return found
 
 

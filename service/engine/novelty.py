@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.divergence import jsd_matrix
-from service.engine.motifs import Constellations, Ensemble
+from service.engine.divergence import Distributions, jsd_matrix
+from service.engine.motifs import Constellations
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ def whole_of(constellations: Constellations) -> int:
     return int(np.argmax(constellations.members.all(axis=1)))
 
 
-def divergences_from(whole: NDArray[np.float32], ensemble: Ensemble, scale: NoveltyScale) -> NDArray[np.float32]:
+def divergences_from(whole: NDArray[np.float32], wholes: Distributions) -> NDArray[np.float32]:
     """The JSD of an object's whole (D,) from that of each training object (N,), nats.
 
     Wholes tell what is novel: the parts of a wire cage or of a table full of things resemble learned ones well enough,
     and stimuli, normalised as they are compared, forget how weak they were.
     """
-    return jsd_matrix(whole[None], ensemble.distributions.of(scale.wholes))[0]
+    return jsd_matrix(whole[None], wholes)[0]

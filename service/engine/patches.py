@@ -11,11 +11,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from service.engine.cloud import VoxelCloud
-from service.engine.neighbours import Neighbourhood, connected_parts, neighbourhood, touching
+from service.engine.cloud import VoxelCloud, means_of, occupied_cells
+from service.engine.eigen import Vector, principal_axes
+from service.engine.neighbours import Neighbourhood, connected_parts, neighbourhood
 from service.engine.params import PatchParams
 
-FLATTEST = 4.0  # power with which flat neighbourhoods outvote those that straddle a crease
+FLATTEST = 4  # power with which flat neighbourhoods outvote those that straddle a crease
 FLOW = 64  # rings of voxels that a patch may grow by
 NOISE_FLOOR = 3e-3  # surface variation that a noisy plane has
 SLIVER = 0.01  # variance across, relative to the variance along, below which a neighbourhood fixes no plane
@@ -29,31 +30,45 @@ class Patches:
     Attributes:
         cloud: the voxels' points.
         normals: (M, 3) float64, unit length, towards the viewpoint.
-        adjacent: which voxels touch.
         labels: (M,) int64: the patch of each voxel, 0 to `count` - 1.
         count: number of patches.
     """
 
     cloud: VoxelCloud
     normals: NDArray[np.float64]
-    adjacent: Neighbourhood
     labels: NDArray[np.int64]
     count: int
 
+    @property
+    def adjacent(self) -> Neighbourhood:
+        """Which voxels touch."""
+        return self.cloud.adjacent
 
-def extract_patches(cloud: VoxelCloud, params: PatchParams) -> Patches:
-    """Over-segments a cloud into atomic patches that do not cross creases."""
-    normals = estimate_normals(cloud, max(params.normal_radius, 2 * cloud.size))
-    adjacent = touching(cloud.cells)
+
+def extract_patches(cloud: VoxelCloud, params: PatchParams, near: Neighbourhood | None = None) -> Patches:
+    """Over-segments a cloud into atomic patches that do not cross creases.
+
+    Args:
+        cloud: the voxels.
+        params: radius of normals, distance of seeds and weights.
+        near: what is around each voxel, within the radius of normals at least; None: it is looked for.
+    """
+    normals = estimate_normals(cloud, normal_radius(cloud, params), near)
+    adjacent = cloud.adjacent
     seed = max(params.seed, 3 * cloud.size)
     labels = _grow(
         cloud.points, normals, adjacent.indptr, adjacent.indices, _seeds(cloud.points, seed), seed,
         params.normal_weight, params.spatial_weight, params.iterations,
     )  # fmt: skip
-    return Patches(cloud, normals, adjacent, labels, int(labels.max()) + 1)
+    return Patches(cloud, normals, labels, int(labels.max()) + 1)
 
 
-def estimate_normals(cloud: VoxelCloud, radius: float) -> NDArray[np.float64]:
+def normal_radius(cloud: VoxelCloud, params: PatchParams) -> float:
+    """Of the neighbourhood in which normals are estimated, extents."""
+    return max(params.normal_radius, 2 * cloud.size)
+
+
+def estimate_normals(cloud: VoxelCloud, radius: float, near: Neighbourhood | None = None) -> NDArray[np.float64]:
     """Unit normals towards the viewpoint, which stay sharp at creases.
 
     A plane is fitted about each voxel; then each voxel takes the mean of the planes about its neighbours, of which
@@ -62,87 +77,107 @@ def estimate_normals(cloud: VoxelCloud, radius: float) -> NDArray[np.float64]:
     Args:
         cloud: (M, 3) points, extents.
         radius: of the planes' support, extents.
+        near: what is around each voxel, within the radius at least; None: it is looked for.
 
     Returns:
         (M, 3) float64.
     """
-    near = neighbourhood(cloud.points, radius)
-    variance, axes = np.linalg.eigh(_covariances(cloud.points, near.indptr, near.indices))
-    thin = variance[:, 1] <= SLIVER * variance[:, 2]
-    normals = np.where(thin[:, None], _across(axes[:, :, 2], cloud), axes[:, :, 0])
-    variation = variance[:, 0] / np.maximum(variance.sum(axis=1), 1e-12)
-    weight = np.where(thin, 0.0, 1 / (variation + NOISE_FLOOR) ** FLATTEST)
-    _face(normals, cloud)
-    normals = _flattest_mean(normals, weight, near.indptr, near.indices)
-    _face(normals, cloud)
-    return normals
-
-
-def _across(lines: NDArray[np.float64], cloud: VoxelCloud) -> NDArray[np.float64]:
-    """Unit normals (M, 3) of points that lie on lines: those across the line that look most towards the viewpoint."""
-    sight = cloud.frame.viewpoint - cloud.points
-    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    across = sight - np.einsum("ij,ij->i", sight, lines)[:, None] * lines
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.where(length > 1e-9, across / np.maximum(length, 1e-9), sight)
-
-
-def _face(normals: NDArray[np.float64], cloud: VoxelCloud) -> None:
-    """Turns normals, in place, to the side from which the sensor looked."""
-    away = np.einsum("ij,ij->i", normals, cloud.frame.viewpoint - cloud.points) < 0
-    normals[away] *= -1
+    support = near.within(radius) if near else neighbourhood(cloud.points, radius, cloud.size)
+    viewpoint = cloud.frame.viewpoint
+    planes, weight = _planes(cloud.points, support.indptr, support.indices, viewpoint)
+    return _flattest_mean(cloud.points, planes, weight, support.indptr, support.indices, viewpoint)
 
 
 def _seeds(points: NDArray[np.float64], seed: float) -> NDArray[np.int64]:
     """In each occupied cell of the seed grid, the voxel nearest to the mean of the cell's voxels; ascending."""
-    cells = np.floor(points / seed).astype(np.int64)
-    _, owner = np.unique(cells, axis=0, return_inverse=True)
-    owner = owner.reshape(-1)
-    count = np.bincount(owner)
-    mean = np.stack([np.bincount(owner, points[:, axis]) / count for axis in range(3)], axis=1)
-    away = np.round(np.linalg.norm(points - mean[owner], axis=1) / seed / TIE)
-    order = np.lexsort((away, owner))
-    return np.sort(order[np.concatenate([[0], np.cumsum(count)[:-1]])])
+    across = np.ascontiguousarray(points.T)
+    cell, keys, _ = occupied_cells(across, seed)
+    return np.sort(_nearest_to(points, cell, means_of(across, cell, len(keys)), seed * TIE))
 
 
 @njit(cache=True, nogil=True)
-def _covariances(
-    points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    out = np.zeros((len(points), 3, 3))
-    mean, away = np.empty(3), np.empty(3)
+def _nearest_to(
+    points: NDArray[np.float64], cell: NDArray[np.int32], means: NDArray[np.float64], step: float
+) -> NDArray[np.int64]:
+    """The voxel of each cell that is nearest to the cell's mean, in whole steps; of equally near ones the first."""
+    nearest, out = np.full(len(means), np.inf), np.zeros(len(means), np.int64)
     for i in range(len(points)):
-        near = indices[indptr[i] : indptr[i + 1]]
-        mean[:] = 0.0
-        for k in near:
-            for a in range(3):
-                mean[a] += points[k, a]
-        for a in range(3):
-            mean[a] /= len(near)
-        for k in near:
-            for a in range(3):
-                away[a] = points[k, a] - mean[a]
-            for a in range(3):
-                for b in range(a + 1):
-                    out[i, a, b] += away[a] * away[b]
-        for a in range(3):
-            for b in range(a):
-                out[i, b, a] = out[i, a, b]
+        away = np.rint(np.sqrt(_squared(points[i], means[cell[i]])) / step)
+        if away < nearest[cell[i]]:
+            nearest[cell[i]], out[cell[i]] = away, i
     return out
 
 
 @njit(cache=True, nogil=True)
-def _flattest_mean(
-    normals: NDArray[np.float64], weight: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Weighted mean of the neighbours' normals, unit length; the voxel's own where none of them weighs anything."""
-    out = np.zeros_like(normals)
-    for i in range(len(normals)):
+def _planes(
+    points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int32], viewpoint: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals (M, 3) of the planes about each point, towards the viewpoint, and how much each is worth (M,).
+
+    Points on a line fix no plane: theirs is the one that looks most towards the viewpoint, and is worth nothing.
+    """
+    normals, weight = np.empty_like(points), np.empty(len(points))
+    for i in range(len(points)):
+        x, y, z = points[i]
+        sx, sy, sz, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in indices[indptr[i] : indptr[i + 1]]:
-            for axis in range(3):
-                out[i, axis] += weight[k] * normals[k, axis]
-        length = np.sqrt(_dot(out[i], out[i]))
-        out[i] = out[i] / length if length > 0 else normals[i]
+            dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
+            sx, sy, sz = sx + dx, sy + dy, sz + dz
+            xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
+            yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
+        n = indptr[i + 1] - indptr[i]
+        covariance = (
+            xx - sx * sx / n, xy - sx * sy / n, xz - sx * sz / n, yy - sy * sy / n, yz - sy * sz / n, zz - sz * sz / n,
+        )  # fmt: skip
+        variance, flat, along = principal_axes(covariance)
+        sight = (viewpoint[0] - x, viewpoint[1] - y, viewpoint[2] - z)
+        if variance[1] <= SLIVER * variance[2]:
+            flat, weight[i] = _across(along, sight), 0.0
+        else:
+            variation = max(variance[0], 0.0) / max(variance[0] + variance[1] + variance[2], 1e-300)
+            weight[i] = 1 / (variation + NOISE_FLOOR) ** FLATTEST
+        side = -1.0 if flat[0] * sight[0] + flat[1] * sight[1] + flat[2] * sight[2] < 0 else 1.0
+        normals[i, 0], normals[i, 1], normals[i, 2] = side * flat[0], side * flat[1], side * flat[2]
+    return normals, weight
+
+
+@njit(cache=True, nogil=True)
+def _across(line: Vector, sight: Vector) -> Vector:
+    """The unit vector across a line that looks most along the sight."""
+    length = np.sqrt(sight[0] ** 2 + sight[1] ** 2 + sight[2] ** 2)
+    sx, sy, sz = sight[0] / length, sight[1] / length, sight[2] / length
+    part = sx * line[0] + sy * line[1] + sz * line[2]
+    x, y, z = sx - part * line[0], sy - part * line[1], sz - part * line[2]
+    length = np.sqrt(x * x + y * y + z * z)
+    return (x / length, y / length, z / length) if length > 1e-9 else (sx, sy, sz)
+
+
+@njit(cache=True, nogil=True)
+def _flattest_mean(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    indptr: NDArray[np.int64],
+    indices: NDArray[np.int32],
+    viewpoint: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Weighted mean of the neighbours' normals, towards the viewpoint; the own where none of them weighs anything."""
+    out = np.empty_like(normals)
+    for i in range(len(normals)):
+        x, y, z = 0.0, 0.0, 0.0
+        for k in indices[indptr[i] : indptr[i + 1]]:
+            w = weight[k]
+            x, y, z = x + w * normals[k, 0], y + w * normals[k, 1], z + w * normals[k, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            x, y, z = x / length, y / length, z / length
+        else:
+            x, y, z = normals[i]
+        towards = (
+            x * (viewpoint[0] - points[i, 0]) + y * (viewpoint[1] - points[i, 1]) + z * (viewpoint[2] - points[i, 2])
+        )
+        side = -1.0 if towards < 0 else 1.0
+        out[i, 0], out[i, 1], out[i, 2] = side * x, side * y, side * z
     return out
 
 
@@ -151,7 +186,7 @@ def _grow(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     indptr: NDArray[np.int64],
-    indices: NDArray[np.int64],
+    indices: NDArray[np.int32],
     seeds: NDArray[np.int64],
     seed: float,
     normal_weight: float,
@@ -182,7 +217,7 @@ def _flow(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     indptr: NDArray[np.int64],
-    indices: NDArray[np.int64],
+    indices: NDArray[np.int32],
     starts: NDArray[np.int64],
     centres: NDArray[np.float64],
     directions: NDArray[np.float64],
@@ -206,11 +241,14 @@ def _flow(
         changed[front] = False
         for f in range(len(front)):
             label = before[f]
+            cx, cy, cz = centres[label]
+            nx, ny, nz = directions[label]
             for i in indices[indptr[front[f]] : indptr[front[f] + 1]]:
                 if label == labels[i]:
                     continue
-                bend = 1.0 - abs(_dot(normals[i], directions[label]))
-                d = normal_weight * bend + spatial_weight * np.sqrt(_squared(points[i], centres[label]))
+                dx, dy, dz = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
+                bend = 1.0 - abs(normals[i, 0] * nx + normals[i, 1] * ny + normals[i, 2] * nz)
+                d = normal_weight * bend + spatial_weight * np.sqrt(dx * dx + dy * dy + dz * dz)
                 if d < distance[i]:
                     distance[i], labels[i], changed[i] = d, label, True
         front = np.flatnonzero(changed)

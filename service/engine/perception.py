@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.cloud import PointCloud, downsample, normalise
-from service.engine.descriptor import describe
+from service.engine.cloud import PointCloud, VoxelCloud, downsample, normalise
+from service.engine.descriptor import describe, fpfh_radius
 from service.engine.motifs import Constellations, propagate
+from service.engine.neighbours import Neighbourhood, neighbourhood
 from service.engine.params import ModelParams
-from service.engine.patches import extract_patches
-from service.engine.segments import SegmentGraph, merge_patches
+from service.engine.patches import extract_patches, normal_radius
+from service.engine.segments import BAND, SegmentGraph, merge_patches
 
 OnStage = Callable[[str], None]
 """Called with the name of each stage as it begins; may raise to stop the work."""
@@ -56,14 +57,25 @@ def perceive(cloud: PointCloud, params: ModelParams, on_stage: OnStage = ignore_
     voxels = downsample(normalised, params.cloud)
 
     on_stage("patches")
-    patches = extract_patches(voxels, params.patches)
+    near = _surroundings(voxels, params)
+    patches = extract_patches(voxels, params.patches, near)
 
     on_stage("segments")
-    graph = merge_patches(patches, params.segments)
+    graph = merge_patches(patches, params.segments, near)
 
     on_stage("constellations")
     constellations = propagate(graph, params.hierarchy)
 
     on_stage("descriptors")
-    descriptors = describe(graph, constellations.members, params.descriptor)
+    descriptors = describe(graph, constellations.members, params.descriptor, near)
     return Perception(graph, constellations, descriptors, normalised.warnings)
+
+
+def _surroundings(voxels: VoxelCloud, params: ModelParams) -> Neighbourhood:
+    """What is around each voxel, as widely as any stage looks: they share one search."""
+    reaches = (
+        normal_radius(voxels, params.patches),
+        BAND * voxels.size,
+        fpfh_radius(voxels.size, params.descriptor),
+    )
+    return neighbourhood(voxels.points, max(reaches), voxels.size)

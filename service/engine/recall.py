@@ -104,7 +104,7 @@ def place(model: ShapeModel, recalled: Sequence[Recalled] | Iterator[Recalled]) 
     rows.sort_indices()
     start, column, value = rows.indptr.astype(np.int64), rows.indices.astype(np.int64), _normalised(rows)
     for each in recalled:
-        divergence = divergences_from(each.whole, model.ensemble, model.novelty_scale).min()
+        divergence = divergences_from(each.whole, model.wholes).min()
         if model.novelty_scale.novelty(float(divergence)) >= NOVEL:
             yield NOWHERE
             continue

@@ -47,29 +47,35 @@ class SegmentGraph:
         return len(self.share)
 
 
-def merge_patches(patches: Patches, params: SegmentParams) -> SegmentGraph:
+def merge_patches(patches: Patches, params: SegmentParams, near: Neighbourhood | None = None) -> SegmentGraph:
     """Merges patches across smooth borders, the smoothest first, and absorbs fragments into their neighbours.
 
     A border's bend is the mean angle between the normals on its two sides, less what the two patches bend in
     themselves: a thin cylinder bends everywhere, a crease only at the border. The bend of a merged segment is the mean
     over its whole border, so that one blurred spot does not weld the two sides of a crease.
+
+    Args:
+        patches: of one object.
+        params: what is smooth, and what is small.
+        near: what is around each voxel, within `BAND` voxels at least; None: it is looked for.
     """
-    points = patches.cloud.points
-    near = neighbourhood(points, BAND * patches.cloud.size)
-    slack, length = _borders(patches, near)
+    cloud = patches.cloud
+    reach = BAND * cloud.size
+    band = near.within(reach) if near else neighbourhood(cloud.points, reach, cloud.size)
+    slack, length = _borders(patches, band)
     size = np.bincount(patches.labels, minlength=patches.count).astype(np.float64)
-    least = params.min_share * len(points)
+    least = params.min_share * len(cloud.points)
     merged = _merge(slack, length, size, -np.radians(params.angle), least, params.max_segments)
     labels = _by_size(merged[patches.labels])
-    share = np.bincount(labels) / len(points)
+    share = np.bincount(labels) / len(cloud.points)
     return SegmentGraph(
-        points=points,
+        points=cloud.points,
         normals=patches.normals,
         labels=labels,
         share=share,
-        edges=_adjacent_segments(labels, len(share), near),
-        voxel=patches.cloud.size,
-        frame=patches.cloud.frame,
+        edges=_adjacent_segments(labels, len(share), band),
+        voxel=cloud.size,
+        frame=cloud.frame,
     )
 
 
@@ -78,34 +84,71 @@ def _borders(patches: Patches, near: Neighbourhood) -> tuple[NDArray[np.float64]
 
     The slack of a pair is what its patches bend in themselves less what the border bends: negative at a crease.
     """
-    sides = _side_normals(patches.normals, patches.labels, near.indptr, near.indices)
-    touch = patches.adjacent
-    across = patches.labels[touch.rows] != patches.labels[touch.indices]
-    a, b = touch.rows[across], touch.indices[across]
-    bend = np.arccos(np.clip(np.einsum("ij,ij->i", sides[a], sides[b]), -1, 1))
-    curved = np.minimum(_own_bend(patches), MOST_CURVED)
-    slack = curved[patches.labels[a]] + curved[patches.labels[b]] - bend
-    keys = patches.labels[a] * patches.count + patches.labels[b]
-    shape = (patches.count, patches.count)
-    slack_sum = np.bincount(keys, slack, minlength=patches.count**2).reshape(shape).astype(np.float64)
-    length = np.bincount(keys, minlength=patches.count**2).reshape(shape).astype(np.float64)
-    return slack_sum, length
+    labels, touch = patches.labels, patches.adjacent
+    sides = _side_normals(patches.normals, labels, near.indptr, near.indices)
+    curved = np.minimum(_own_bend(patches.normals, labels, patches.count), MOST_CURVED)
+    return _sum_borders(sides, labels, curved, touch.indptr, touch.indices)
 
 
-def _own_bend(patches: Patches) -> NDArray[np.float64]:
+@njit(cache=True, nogil=True)
+def _sum_borders(
+    sides: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    curved: NDArray[np.float64],
+    indptr: NDArray[np.int64],
+    indices: NDArray[np.int32],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What `_borders` returns, from the normals on the sides of borders and the patches' own bends."""
+    slack, length = np.zeros((len(curved), len(curved))), np.zeros((len(curved), len(curved)))
+    for i in range(len(labels)):
+        a = labels[i]
+        for k in indices[indptr[i] : indptr[i + 1]]:
+            b = labels[k]
+            if a != b and i < k:
+                pair = curved[a] + curved[b] - _angle(sides[i], sides[k])
+                slack[a, b] += pair
+                slack[b, a] += pair
+                length[a, b] += 1
+                length[b, a] += 1
+    return slack, length
+
+
+@njit(cache=True, nogil=True)
+def _own_bend(normals: NDArray[np.float64], labels: NDArray[np.int64], count: int) -> NDArray[np.float64]:
     """Mean angle between the normals of a patch and their mean, radians (P,)."""
-    sums = np.stack([np.bincount(patches.labels, axis) for axis in patches.normals.T], axis=1)
-    mean = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
-    cosine = np.einsum("ij,ij->i", patches.normals, mean[patches.labels])
-    return np.bincount(patches.labels, np.arccos(np.clip(cosine, -1, 1))) / np.bincount(patches.labels)
+    mean, size, out = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
+    for i in range(len(labels)):
+        size[labels[i]] += 1
+        for axis in range(3):
+            mean[labels[i], axis] += normals[i, axis]
+    for p in range(count):
+        mean[p] /= max(np.sqrt(mean[p, 0] ** 2 + mean[p, 1] ** 2 + mean[p, 2] ** 2), 1e-12)
+    for i in range(len(labels)):
+        out[labels[i]] += _angle(normals[i], mean[labels[i]])
+    return out / size
 
 
+@njit(cache=True, nogil=True)
+def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Between unit vectors, radians."""
+    return np.arccos(min(max(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], -1.0), 1.0))
+
+
+@njit(cache=True, nogil=True)
 def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Renumbers labels by decreasing size; of equal sizes the one whose first point comes first."""
-    values, first, inverse, count = np.unique(labels, return_index=True, return_inverse=True, return_counts=True)
-    rank = np.empty(len(values), np.int64)
-    rank[np.lexsort((first, -count))] = np.arange(len(values))
-    return rank[inverse]
+    size, seen = np.zeros(labels.max() + 1, np.int64), np.empty(labels.max() + 1, np.int64)
+    count = 0
+    for label in labels:
+        if size[label] == 0:
+            seen[count] = label
+            count += 1
+        size[label] += 1
+    rank = np.empty(len(size), np.int64)
+    order = np.argsort(-size[seen[:count]], kind="mergesort")
+    for place in range(count):
+        rank[seen[order[place]]] = place
+    return rank[labels]
 
 
 def _adjacent_segments(labels: NDArray[np.int64], count: int, near: Neighbourhood) -> NDArray[np.int64]:
@@ -115,7 +158,7 @@ def _adjacent_segments(labels: NDArray[np.int64], count: int, near: Neighbourhoo
 
 @njit(cache=True, nogil=True)
 def _meeting(
-    labels: NDArray[np.int64], count: int, indptr: NDArray[np.int64], indices: NDArray[np.int64]
+    labels: NDArray[np.int64], count: int, indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
     """Which segments have points near one another (S, S)."""
     out = np.zeros((count, count), np.bool_)
@@ -127,7 +170,7 @@ def _meeting(
 
 @njit(cache=True, nogil=True)
 def _side_normals(
-    normals: NDArray[np.float64], labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int64]
+    normals: NDArray[np.float64], labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Mean normal of the nearby points of the same patch (M, 3), unit length."""
     out = np.zeros_like(normals)
@@ -160,15 +203,7 @@ def _merge(
     slack, length, size = slack.copy(), length.copy(), size.copy()
     count = len(size)
     root = np.arange(count)
-    while True:
-        best, a, b = smooth, -1, -1
-        for i in range(count):
-            for j in range(i):
-                if length[i, j] > 0 and slack[i, j] >= best * length[i, j]:
-                    best, a, b = slack[i, j] / length[i, j], j, i
-        if a < 0:
-            break
-        _join(a, b, slack, length, size, root)
+    _merge_smooth(slack, length, size, root, smooth)
     while True:
         alive = 0
         for i in range(count):
@@ -187,6 +222,48 @@ def _merge(
             break
         _join(a, b, slack, length, size, root)
     return root
+
+
+@njit(cache=True, nogil=True)
+def _merge_smooth(
+    slack: NDArray[np.float64],
+    length: NDArray[np.float64],
+    size: NDArray[np.float64],
+    root: NDArray[np.int64],
+    smooth: float,
+) -> None:
+    """Joins, in place, the two regions of the smoothest border until none is smooth; of equal ones the last.
+
+    The borders stand in a list with their mean slacks, of which those of the joined region alone change.
+    """
+    first, second = np.nonzero(np.tril(length))
+    mean = np.empty(len(first))
+    for p in range(len(first)):
+        mean[p] = slack[first[p], second[p]] / length[first[p], second[p]]
+    count = len(first)
+    while count > 0:
+        best = 0
+        for p in range(1, count):
+            if mean[p] > mean[best] or (mean[p] == mean[best] and (first[p], second[p]) > (first[best], second[best])):
+                best = p
+        if not mean[best] >= smooth:
+            break
+        b, a = first[best], second[best]
+        kept = 0
+        for p in range(count):
+            other = second[p] if first[p] == b else first[p]
+            if b in (first[p], second[p]):
+                if other == a or length[a, other] > 0:
+                    continue
+                first[kept], second[kept] = max(a, other), min(a, other)
+            else:
+                first[kept], second[kept], mean[kept] = first[p], second[p], mean[p]
+            kept += 1
+        count = kept
+        _join(a, b, slack, length, size, root)
+        for p in range(count):
+            if a in (first[p], second[p]):
+                mean[p] = slack[first[p], second[p]] / length[first[p], second[p]]
 
 
 @njit(cache=True, nogil=True)

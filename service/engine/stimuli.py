@@ -54,6 +54,8 @@ def stimulate(
         words: (S, n) of the segments.
         params: bandwidth, gating and pooling.
     """
+    if params.gating == "rank" and params.pooling == "mean" and params.balanced:
+        return _sparse(_mean_by_rank(ensemble, constellations, descriptors, params), params)
     return accumulate(excite(ensemble, constellations, descriptors, words, params), ensemble, params)
 
 
@@ -87,9 +89,37 @@ def accumulate(excitation: Excitation, ensemble: Ensemble, params: StimuliParams
     object has no constellation of stays 0.
     """
     pooled = _pool(excitation, params.pooling)
-    gamma = (_balance(pooled, ensemble, params) if params.balanced else pooled).astype(np.float32)
-    index = np.flatnonzero(gamma > params.cutoff).astype(np.int32)
-    return Stimuli(index, gamma[index])
+    return _sparse(_balance(pooled, ensemble, params) if params.balanced else pooled, params)
+
+
+def _sparse(gamma: NDArray[np.float64], params: StimuliParams) -> Stimuli:
+    """The stimuli above the cutoff, of those of all vertices (V,)."""
+    rounded = gamma.astype(np.float32)
+    index = np.flatnonzero(rounded > params.cutoff).astype(np.int32)
+    return Stimuli(index, rounded[index])
+
+
+def _mean_by_rank(
+    ensemble: Ensemble, constellations: Constellations, descriptors: NDArray[np.float32], params: StimuliParams
+) -> NDArray[np.float64]:
+    """The balanced stimuli of all vertices (V,), where constellations of a rank are pooled by their mean.
+
+    As it is linear, the mean is taken of their kernel values, before these are distributed over the vertices.
+    """
+    gamma = np.zeros(ensemble.vertex_count)
+    coverage = constellations.coverage**params.coverage_power
+    of_rank = _of_rank(constellations, ensemble.top_level)
+    for rank, weight in _weights(params).items():
+        own = np.flatnonzero(of_rank[:, rank])
+        memories = ensemble.memories.get(rank)
+        if weight == 0 or memories is None or not len(own):
+            continue
+        kernel = gaussian_of_jsd(descriptors[own], memories.prototypes, params.sigma)
+        pooled = memories.means_of_vertices @ (coverage[own] @ kernel)
+        total = pooled.sum()
+        if total > 0:
+            gamma[memories.vertices] = pooled / total * (weight * len(gamma))
+    return gamma
 
 
 def gaussian_of_jsd(queries: NDArray[np.float32], prototypes: Distributions, sigma: float) -> NDArray[np.float64]:
@@ -102,7 +132,7 @@ def _excite_by_rank(
 ) -> NDArray[np.float64]:
     """The mean over T^v of each constellation's kernel values (C, V), 0 for vertices of ranks that it is not of."""
     alpha = np.zeros((len(descriptors), ensemble.vertex_count))
-    of_rank = _of_rank(constellations, int(ensemble.vertex_levels.max()))
+    of_rank = _of_rank(constellations, ensemble.top_level)
     weights = _weights(params)
     for rank, memories in ensemble.memories.items():
         if params.balanced and weights[rank] == 0:
@@ -120,7 +150,7 @@ def _activated(
     if params.gating == "kernel":
         return None
     if params.gating == "rank":
-        return _of_rank(constellations, int(ensemble.vertex_levels.max()))[:, ensemble.vertex_ranks]
+        return _of_rank(constellations, ensemble.top_level)[:, ensemble.vertex_ranks]
     active = np.zeros((len(constellations.members), ensemble.vertex_count), dtype=bool)
     first = 0
     for hierarchy, column in zip(ensemble.hierarchies, words.T, strict=True):

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.engine.descriptor import FPFH_BINS, SHAPE_BINS, SHAPES
 from service.engine.errors import ModelDamaged
+from service.engine.fpfh import FPFH_BINS
 from service.engine.params import ModelParams
+from service.engine.shape_distributions import SHAPE_BINS, SHAPES
 
 Tensors = Mapping[str, NDArray[Any]]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.engine.cloud import PointCloud, downsample, normalise
-from service.engine.descriptor import FPFH_BINS, describe
+from service.engine.descriptor import describe
+from service.engine.fpfh import FPFH_BINS
 from service.engine.params import CloudParams, DescriptorParams
 from service.engine.patches import estimate_normals
 from service.engine.segments import SegmentGraph

@@ -10,9 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import jensenshannon
 
-from service.engine.descriptor import FPFH_BINS, SHAPE_BINS, describe, fpfh
+from service.engine.descriptor import describe, fpfh_of_segments
+from service.engine.fpfh import FPFH_BINS
 from service.engine.params import DescriptorParams
 from service.engine.segments import SegmentGraph
+from service.engine.shape_distributions import SHAPE_BINS
 from tests.service.engine.seen import seen
 from tests.shapes import ball, box, can, corner_view, cube, lid_view, look, rotation
 
@@ -39,6 +41,11 @@ def whole(graph: SegmentGraph, params: DescriptorParams = DescriptorParams()) ->
 def shapes(graph: SegmentGraph) -> NDArray[np.float32]:
     """The five shape distributions of the whole object (5, 24)."""
     return whole(graph, SHAPE_ALONE)[33:].reshape(5, SHAPE_BINS)
+
+
+def fpfh(graph: SegmentGraph, radius: float) -> NDArray[np.float64]:
+    """The FPFH of each point (M, 33): that of a segment of its own."""
+    return fpfh_of_segments(replace(graph, labels=np.arange(len(graph.points))), radius)
 
 
 def plain_fpfh(points: NDArray[np.float64], normals: NDArray[np.float64], radius: float) -> NDArray[np.float64]:

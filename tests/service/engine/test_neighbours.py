@@ -8,16 +8,27 @@ import pytest
 from service.engine.neighbours import neighbourhood, touching
 
 
-@pytest.mark.parametrize("norm", [2.0, np.inf])
-@pytest.mark.parametrize("count", [1, 2, 80])
-def test_all_points_within_the_radius_are_neighbours_and_no_others(count: int, norm: float):
-    points = np.random.default_rng(count).random((count, 3))
-    near = neighbourhood(points, 0.3, norm)
-    distance = np.linalg.norm(points[:, None] - points[None], ord=norm, axis=2)
-    for i in range(count):
-        row = near.indices[near.indptr[i] : near.indptr[i + 1]]
-        assert row.tolist() == np.flatnonzero(distance[i] <= 0.3).tolist()
-    assert np.array_equal(near.rows, np.nonzero(distance <= 0.3)[0])
+@pytest.mark.parametrize("ordered", [False, True])
+@pytest.mark.parametrize("edge", [None, 0.01, 0.1, 2.0])
+@pytest.mark.parametrize("count", [1, 2, 80, 500])
+def test_all_points_within_the_radius_are_neighbours_and_no_others(count: int, edge: float | None, ordered: bool):
+    points = np.random.default_rng(count).random((count, 3)) - 0.5
+    if ordered:
+        points = points[np.lexsort(points.T)]
+    near = neighbourhood(points, 0.3, edge)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    rows, columns = np.nonzero(distance <= 0.3)
+    assert np.array_equal(near.rows, rows)
+    assert np.array_equal(near.indices, columns)
+    assert np.allclose(near.squared, distance[rows, columns] ** 2, atol=1e-15)
+
+
+def test_neighbours_within_less_are_those_of_a_search_within_less():
+    points = np.random.default_rng(0).random((200, 3))
+    within, searched = neighbourhood(points, 0.4).within(0.2), neighbourhood(points, 0.2)
+    assert np.array_equal(within.indptr, searched.indptr)
+    assert np.array_equal(within.indices, searched.indices)
+    assert np.array_equal(within.squared, searched.squared)
 
 
 def test_points_that_coincide_are_neighbours():

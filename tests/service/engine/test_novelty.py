@@ -66,7 +66,7 @@ def test_what_was_learnt_is_not_novel(preset: str):
 def test_novelty_follows_from_the_nearest_whole(preset: str):
     model = learnt(preset)
     seen = perceived(preset)[0]
-    divergences = divergences_from(seen.descriptors[whole_of(seen.constellations)], model.ensemble, model.novelty_scale)
+    divergences = divergences_from(seen.descriptors[whole_of(seen.constellations)], model.wholes)
     assert divergences.argmin() == 0
     assert divergences[0] < 1e-6
     for i, other in enumerate(perceived(preset)):
@@ -115,7 +115,8 @@ def learnt_sixty() -> tuple[Ensemble, NoveltyScale]:
 def novelty(cloud: PointCloud) -> float:
     seen = perceive(cloud, ModelParams())
     ensemble, scale = learnt_sixty()
-    return scale.novelty(divergences_from(seen.descriptors[whole_of(seen.constellations)], ensemble, scale).min())
+    wholes = ensemble.distributions.of(scale.wholes)
+    return scale.novelty(divergences_from(seen.descriptors[whole_of(seen.constellations)], wholes).min())
 
 
 @pytest.mark.parametrize("shape", [helix, filled_ball, blob, cage])

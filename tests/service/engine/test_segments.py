@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from sklearn.metrics import adjusted_rand_score
 
+from service.engine.neighbours import neighbourhood
 from service.engine.params import SegmentParams
-from service.engine.segments import SegmentGraph, merge_patches
+from service.engine.segments import SegmentGraph, _borders, _merge, merge_patches
 from tests.service.engine.seen import PARAMS, Seen, seen
 from tests.shapes import ball, box, can, corner_view, cube, lid_view, look, stack
 from worker.simulation.camera import View
@@ -154,3 +156,77 @@ def test_the_labels_of_patches_do_not_matter(steps: Seen):
     order = np.random.default_rng(0).permutation(steps.patches.count)
     renamed = merge_patches(replace(steps.patches, labels=order[steps.patches.labels]), PARAMS.segments)
     assert adjusted_rand_score(renamed.labels, steps.graph.labels) > 0.99
+
+
+def plain_merge(slack, length, size, smooth: float, least: float, most: int) -> NDArray[np.int64]:
+    """The rule of merging, word by word: every border is looked at again after every union."""
+    slack, length, size = slack.copy(), length.copy(), size.copy()
+    root = np.arange(len(size))
+
+    def join(a: int, b: int) -> None:
+        for table in (slack, length):
+            table[a] += table[b]
+            table[:, a] += table[:, b]
+            table[b], table[:, b], table[a, a] = 0, 0, 0
+        size[a] += size[b]
+        size[b] = 0
+        root[root == b] = a
+
+    def bend(i: int, j: int) -> float:
+        return slack[i, j] / length[i, j]
+
+    while True:
+        borders = [(bend(i, j), i, j) for i, j in np.argwhere(np.tril(length))]
+        if not borders or max(borders)[0] < smooth:
+            break
+        _, b, a = max(borders)
+        join(a, b)
+    while True:
+        alive = [i for i in np.argsort(size, kind="stable") if size[i] > 0]
+        small = [i for i in alive if length[i].any() and (size[i] < least or len(alive) > most)]
+        if small:
+            b = small[0]
+            a = max(np.flatnonzero(length[b]), key=lambda j: (bend(b, j), -j))
+        elif len(alive) > most:
+            a, b = np.argsort(-size, kind="stable")[[0, len(alive) - 1]]
+        else:
+            return root
+        join(a, b)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_patches_are_merged_by_the_rule(seed: int):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 40))
+    length = np.triu(rng.integers(1, 30, (count, count)) * (rng.random((count, count)) < 0.15), 1).astype(float)
+    slack = np.triu(rng.normal(-0.4, 0.3, (count, count)), 1) * length
+    tables = slack + slack.T, length + length.T
+    rule = rng.integers(5, 40, count).astype(float), -0.5, 25.0, int(rng.integers(1, 12))
+    assert np.array_equal(_merge(*tables, *rule), plain_merge(*tables, *rule))
+
+
+def test_borders_bend_by_the_mean_normals_on_their_sides():
+    steps = seen(box(0.1, 0.14, 0.2), corner_view(3, 0.9), "kinect")
+    patches = steps.patches
+    points, normals, labels = patches.cloud.points, patches.normals, patches.labels
+    near = neighbourhood(points, 2.5 * patches.cloud.size)
+    sides = np.stack(
+        [
+            normals[j[labels[j] == labels[i]]].sum(axis=0)
+            for i, j in enumerate(np.split(near.indices, near.indptr[1:-1]))
+        ]
+    )
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    means = np.stack([normals[labels == p].mean(axis=0) for p in range(patches.count)])
+    means /= np.linalg.norm(means, axis=1, keepdims=True)
+    own = np.array([np.arccos(np.clip(normals[labels == p] @ means[p], -1, 1)).mean() for p in range(patches.count)])
+    curved = np.minimum(own, np.radians(15))
+    slack, length = np.zeros((patches.count,) * 2), np.zeros((patches.count,) * 2)
+    for i, j in zip(patches.adjacent.rows, patches.adjacent.indices, strict=True):
+        a, b = labels[i], labels[j]
+        if a != b:
+            slack[a, b] += curved[a] + curved[b] - np.arccos(np.clip(sides[i] @ sides[j], -1, 1))
+            length[a, b] += 1
+    ours = _borders(patches, near)
+    assert np.array_equal(ours[1], length)
+    assert np.allclose(ours[0], slack, atol=1e-9)

@@ -14,7 +14,7 @@ from service.engine.divergence import distributions, jsd_matrix
 from service.engine.motifs import Ensemble
 from service.engine.params import HierarchyParams, ModelParams, StimuliParams
 from service.engine.perception import Perception, perceive
-from service.engine.stimuli import Stimuli, excite, gaussian_of_jsd, stimulate
+from service.engine.stimuli import Stimuli, accumulate, excite, gaussian_of_jsd, stimulate
 from tests.learnt import PRESETS, learnt, named_clouds, perceived
 from tests.shapes import ball, look, see
 from worker.learning.hierarchy import grow_ensemble
@@ -150,6 +150,15 @@ def test_stimuli_are_those_of_eq_1(gating: str, pooling: str, balanced: bool):
         assert np.allclose(stimulated(seen_objects()[which], params), expected, rtol=2e-4, atol=1e-6)
         answered += max(expected) > 0
     assert answered >= 2
+
+
+@pytest.mark.parametrize("power", [0.0, 2.0])
+def test_stimuli_pooled_before_they_are_distributed_over_the_vertices_are_the_same(power: float):
+    params, ensemble = StimuliParams(coverage_power=power, cutoff=0, **WEIGHTS), learnt().ensemble
+    for seen in seen_objects():
+        words = learnt().dictionary.words(seen.segment_descriptors)
+        slowly = accumulate(excite(ensemble, seen.constellations, seen.descriptors, words, params), ensemble, params)
+        assert np.allclose(stimulated(seen, params), dense(slowly, ensemble.vertex_count), rtol=1e-6)
 
 
 @pytest.mark.parametrize("power", [0.0, 2.0])
