@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud
@@ -18,6 +17,7 @@ from service.engine.motifs import Constellations
 from service.engine.params import ModelParams
 from service.engine.perception import perceive
 from worker.learning.prototypes import draw_thumbnail
+from worker.learning.single import one_thread
 
 ROUND = 64  # clouds in memory at a time, at least
 EACH = 8  # or as many for each worker
@@ -85,7 +85,7 @@ def _rounds(clouds: Iterable[NamedCloud]) -> Iterator[list[NamedCloud]]:
 
 def _observe(named: NamedCloud, params: ModelParams) -> Observation | Refusal:
     digest = hashlib.sha256(np.ascontiguousarray(named.cloud.points).tobytes()).hexdigest()
-    with threadpool_limits(1):  # the processes share the cores already
+    with one_thread():
         try:
             seen = perceive(named.cloud, params)
         except InvalidCloud as error:

@@ -10,13 +10,13 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from threadpoolctl import threadpool_limits
 
 from service.engine.dictionary import Dictionary
 from service.engine.motifs import Ensemble
 from service.engine.params import StimuliParams
 from service.engine.stimuli import Stimuli, stimulate
 from worker.learning.observations import Observation
+from worker.learning.single import one_thread
 
 BATCH = 8  # objects whose stimuli a worker computes at a time
 
@@ -56,7 +56,7 @@ def _stimulate(
     objects: Sequence[Observation], packed: NDArray[np.uint8], digest: str, params: StimuliParams
 ) -> list[Stimuli]:
     """A large array goes to each machine once, however many batches there are: so what all need comes as one."""
-    with threadpool_limits(1):
+    with one_thread():
         learnt = _unpacked.get(digest)
         if learnt is None:
             learnt = pickle.loads(packed.data)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
-from threadpoolctl import threadpool_limits
 
 from service.engine.errors import NotEnoughSamples
 from service.engine.filtration import Filtration
@@ -25,6 +24,7 @@ from worker.learning.metric import learn_metric
 from worker.learning.novelty import learn_novelty
 from worker.learning.observations import NamedCloud, Observation, Refusal, observe
 from worker.learning.prototypes import draw_map
+from worker.learning.single import one_thread
 from worker.learning.space import build_space
 from worker.learning.stimuli import stimulate_all
 
@@ -71,7 +71,7 @@ def learn(
     objects: Sequence[Observation], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
 ) -> ShapeModel:
     """Learns dictionary, hierarchy ensemble and concepts from objects that were observed; arguments as of `train`."""
-    with threadpool_limits(1):  # sums of the linear algebra must not depend on the number of threads
+    with one_thread():
         on_stage("dictionary")
         dictionary = learn_dictionary(np.concatenate([o.segment_descriptors for o in objects]), params.dictionary)
 

@@ -88,7 +88,7 @@ def disparity_step(depth: NDArray[np.float64], params: SimulationParams) -> NDAr
 def _pixels(image: DepthImage, composition: Composition, view: View, params: SimulationParams) -> _Pixels:
     """Cuts the object out of the image and finds what each pixel truly sees."""
     window = _window(image.labels >= 0)
-    depth, labels, directions = image.depth[window], image.labels[window], rays(params.camera)[window]
+    depth, labels, directions = image.depth[window], image.labels[window], rays(params.camera, window)
     seen = labels >= 0
     points = view.to_composition(directions[seen] * depth[seen, None])
     faces = np.full(labels.shape, -1, dtype=np.int64)
