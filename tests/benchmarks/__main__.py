@@ -1,14 +1,16 @@
 """Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives,
-`... scale` many objects, `... scenes` whole scenes, `... soak` minutes of load."""
+`... learning` how long it takes, `... scale` many objects, `... scenes` whole scenes, `... soak` minutes of load."""
 
 from __future__ import annotations
 
 import sys
 
-from tests.benchmarks import answer, quality, scale, scenes, soak
+from tests.benchmarks import answer, learning, quality, scale, scenes, soak
 
 if sys.argv[1:2] == ["quality"]:
     quality.main(sys.argv[2:])
+elif sys.argv[1:2] == ["learning"]:
+    learning.main(sys.argv[2:])
 elif sys.argv[1:2] == ["scale"]:
     scale.main(sys.argv[2:])
 elif sys.argv[1:2] == ["scenes"]:

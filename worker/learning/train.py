@@ -22,7 +22,7 @@ from worker.learning.filtration import filtrate
 from worker.learning.hierarchy import grow_ensemble, sample
 from worker.learning.metric import learn_metric
 from worker.learning.novelty import learn_novelty
-from worker.learning.observations import NamedCloud, Observation, Refusal, observe
+from worker.learning.observations import NamedCloud, Observation, Refusal, Unmade, observe
 from worker.learning.prototypes import draw_map
 from worker.learning.single import one_thread
 from worker.learning.space import build_space
@@ -46,7 +46,7 @@ class Conceived(NamedTuple):
 
 
 def train(
-    clouds: Iterable[NamedCloud], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
+    clouds: Iterable[NamedCloud | Unmade], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
 ) -> Trained:
     """Learns dictionary, hierarchy ensemble and concepts from clouds.
 
@@ -54,7 +54,7 @@ def train(
     workers.
 
     Args:
-        clouds: of one object each, in an order that is part of the input.
+        clouds: of one object each, in an order that is part of the input; made by the workers where they are not yet.
         params: of every stage.
         seed: of the map's embedding, the only random draw of learning.
         on_stage: called as each stage begins.
@@ -119,7 +119,9 @@ def conceive(stimuli: csr_array, params: ModelParams, on_stage: OnStage = ignore
     return Conceived(space, filtration, learn_metric(stimuli, params.response), notes)
 
 
-def _observe_all(clouds: Iterable[NamedCloud], params: ModelParams) -> tuple[list[Observation], tuple[Refusal, ...]]:
+def _observe_all(
+    clouds: Iterable[NamedCloud | Unmade], params: ModelParams
+) -> tuple[list[Observation], tuple[Refusal, ...]]:
     seen = list(observe(clouds, params))
     objects = [result for result in seen if isinstance(result, Observation)]
     refused = tuple(result for result in seen if isinstance(result, Refusal))
