@@ -138,21 +138,27 @@ def train(
     simulated ones. Clouds that cannot be learnt from are named and left out. Concepts that are still the same as in the
     version that the alias meant before keep the names that people gave them.
     """
+    from worker.processes import prepare
+
+    settings = settings_of(store=store, cluster=cluster)
+    if count is not None and settings.cluster is None:
+        prepare(renderer)
     from service.carrying import carry_from_earlier
     from service.model_file import check_name
     from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
     from worker.sharing import shared_out
+    from worker.sources import Simulation
 
     check_name(name, " model")
     check_name(alias, "n alias")
-    settings = settings_of(store=store, cluster=cluster)
     models = ModelStore(settings.store)
     chosen = _config(config)
     source = _source(clouds, count, seed, chosen, renderer)
     with watching() as watch, shared_out(workers, settings.cluster):
-        model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
+        clouds_to_learn = source.unmade() if isinstance(source, Simulation) else source
+        model, refused = learn(watch.count(clouds_to_learn, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
         before = models.aliases(name).get(alias)
         manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=None)
