@@ -1,6 +1,6 @@
-"""Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives, `... learning` how long it takes,
-`... scale` many objects, `... scenes` whole scenes, `... soak` minutes of load, `... wires` what the wires cost, `...
-start` how long commands take to start."""
+"""Runs the benchmarks: `./run bench` the speeds, `... quality` what each choice gives, `... learning` how long that
+takes, `... scale` many objects, `... scenes` whole scenes, `... soak` minutes of load, `... wires` what the wires cost,
+`... start` how long commands take to start."""
 
 from __future__ import annotations
 
