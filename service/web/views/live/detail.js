@@ -29,7 +29,7 @@ export class Detail {
     this.key = null;
     this.cloud.setPoints(new Float32Array());
     this.cloud.setMarks([]);
-    this.drawn.textContent = "";
+    this.drawn.textContent = "No cloud to draw yet.";
   }
 
   /** @param {Object} told an event of /v1/streams/events. */
