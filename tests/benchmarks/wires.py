@@ -168,9 +168,10 @@ def tell_overload(told: Told, rate: float, engine: float) -> None:
     """A line of what became of too many requests."""
     asked, answered = len(told.answered) + len(told.refused), len(told.answered)
     middle, worst = quantile(told.answered, 0.5), quantile(told.answered, 0.99)
+    had = answered / told.seconds
     print(
-        f"    at {asked / told.seconds:.0f} requests/s: {answered / told.seconds:.1f} answers/s "
-        f"({answered / told.seconds / rate:.0%}); p50 {middle:.2f}, p99 {worst:.2f} ms, {worst / middle:.1f} times p50, "
+        f"    at {asked / told.seconds:.0f} requests/s: {had:.1f} answers/s "
+        f"({had / rate:.0%}); p50 {middle:.2f}, p99 {worst:.2f} ms, {worst / middle:.1f} times that, "
         f"{worst / (1e3 * engine):.1f} times the engine's; refusals p50 {quantile(told.refused, 0.5):.2f}, p99 "
         f"{quantile(told.refused, 0.99):.2f} ms; {told.late:.0%} begun late; clients {told.worked / told.seconds:.2f} "
         "processors"
