@@ -32,6 +32,8 @@ from service.engine.model import OnStage, ignore_stage
 from service.jobs import Jobs
 from service.keys import AccessKey, KeyStore
 from service.lately import Answers
+from service.live import Live
+from service.looking import Drawing, Looking
 from service.metrics import State
 from service.model_file import Manifest
 from service.naming import Naming
@@ -116,9 +118,11 @@ class Application:
         self.intake = Intake(max(settings.max_bodies, settings.max_body))
         jobs = Jobs(settings.jobs_url)
         self.training = Training(jobs, self.store)
+        self.live = Live(settings.streams)
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
+        self.looking = Looking(self._choosing, self.datasets.store)
         self._keys = KeyStore(settings.store)
         self.access = Gate(
             self.valid_keys if needs_keys(settings) else None, settings, at_hand=lambda: self._answers.at_hand(KEYS)
@@ -130,8 +134,14 @@ class Application:
         """The use cases on names of concepts."""
         return self._choosing.source().naming
 
+    def let_go(self) -> None:
+        """Lets those go who follow jobs or watch streams, and would stay for hours: the service ends."""
+        self.training.ending.set()
+        self.live.end()
+
     def close(self) -> None:
         """Waits for the work under way."""
+        self.let_go()
         self.pool.close()
         self._answers.close()
         self.scheduling.close()
@@ -152,6 +162,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        drawing: Drawing | None = None,
     ) -> Answer:
         """Which concepts a cloud resembles. Runs on the caller's thread.
 
@@ -168,6 +179,8 @@ class Application:
             segments: whether it says of each point of the cloud to which segment it belongs.
             max_points: limit on the cloud for this caller; None for the service's own, which holds in any case.
             on_stage: called with each stage's name as it begins; may raise `Cancelled`.
+            drawing: takes what is drawn of the cloud; the answer says of these points, and of no others, to which
+                segment they belong.
 
         Raises:
             ShapeConceptsError: one of its children, saying what is wrong with the cloud, the parameters or the model.
@@ -177,8 +190,9 @@ class Application:
         shape_model, names = meant.model(), meant.names()
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
-            points = self._points(cloud, max_points)
-            response = shape_model.respond(points, time=time, explain=explain, segments=segments, on_stage=stages.begin)
+            sent = self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points)
+            told = segments if drawing is None else PointCloud(drawing.begin(sent).points)
+            response = shape_model.respond(sent.cloud, time=time, explain=explain, segments=told, on_stage=stages.begin)
         which = (meant.name, meant.version)
         answer = compose(response, which, stages.timings_ms(), top=top, stimuli=stimuli, names=names)
         self.telemetry.answered(answer)
@@ -198,6 +212,7 @@ class Application:
         segments: bool = False,
         max_points: int | None = None,
         on_stage: OnStage = ignore_stage,
+        drawing: Drawing | None = None,
     ) -> SceneAnswer:
         """Which concepts the objects on a table, a floor or another plane resemble, and where they are.
 
@@ -215,6 +230,7 @@ class Application:
         with self.telemetry.answering(on_stage) as stages:
             stages.begin("decode")
             sent = self._scene(scene, max_points)
+            drawn = None if drawing is None else drawing.begin(sent)
             stages.begin("tabletop")
             seen = find_objects(sent.cloud, width=sent.width, most=self.settings.max_objects)
             answers: list[Answer | Refusal] = []
@@ -235,7 +251,16 @@ class Application:
                     answer = compose(response, which, own.timings_ms(), top=top, stimuli=stimuli, names=names)
                     self.telemetry.answered(answer)
                     answers.append(answer)
-        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=segments)
+        told = segments if drawn is None else drawn.places
+        return compose_scene(sent, seen, answers, which, stages.timings_ms(), points=told)
+
+    def read(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None = None) -> clouds.SceneCloud:
+        """The points of a cloud, as `respond_scene` reads it. Runs on the caller's thread.
+
+        Raises:
+            ShapeConceptsError: one of its children, saying what is wrong with the cloud.
+        """
+        return self._scene(cloud, max_points)
 
     def concept_order(self, name: str, version: int, time: float | None = None) -> ConceptOrder:
         """Which concepts the responses of a version's answers are to.
@@ -355,12 +380,7 @@ class Application:
         Raises:
             InvalidParameter: the model has no training object of that number.
         """
-        thumbnails = self._choosing.meant(name, version).model().prototypes.thumbnails
-        if not 0 <= number < len(thumbnails):
-            raise InvalidParameter(
-                f"{name}:{version} learnt from {len(thumbnails)} objects, numbered from 0; there is no {number}."
-            )
-        return thumbnails[number]
+        return self.looking.thumbnail(name, version, number)
 
     def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
         """All that each alias of a model has meant, oldest first.
@@ -388,9 +408,6 @@ class Application:
         version = self.store.rollback(name, alias, leaving)
         self._answers.forget()
         return version
-
-    def _points(self, cloud: CloudFile | PointCloud, max_points: int | None) -> PointCloud:
-        return self._scene(clouds.SceneCloud(cloud) if isinstance(cloud, PointCloud) else cloud, max_points).cloud
 
     def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
         limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)

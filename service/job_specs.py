@@ -120,7 +120,7 @@ def read_spec(given: dict[str, Any]) -> JobSpec:
         return _SPECS.validate_python({"kind": TRAIN} | given)
     except ValidationError as error:
         faults = error.errors(include_url=False, include_input=False)[:5]
-        said = "; ".join(f"{_place(fault['loc'])}: {fault['msg']}"[:300] for fault in faults)
+        said = "; ".join(f"{_place(fault['loc'])}{_what(fault['msg'])}"[:300] for fault in faults)
         raise InvalidParameter(f"There cannot be such a job: {said}.") from error
 
 
@@ -139,4 +139,13 @@ def check_id(job_id: str) -> None:
 
 def _place(loc: tuple[int | str, ...]) -> str:
     """Where a fault is; the kind goes before it in what pydantic says, but not in what was given."""
-    return ".".join(str(part) for part in (loc[1:] if loc and loc[0] in KINDS else loc)) or "job"
+    place = ".".join(str(part) for part in (loc[1:] if loc and loc[0] in KINDS else loc))
+    return f"{place}: " if place else ""
+
+
+def _what(message: str) -> str:
+    """What pydantic says of a fault, in our words where it has its own."""
+    message = message.removeprefix("Value error, ").replace("Extra inputs are not permitted", "there is no such field")
+    if message == f"String should match pattern '^{NAME}$'":
+        return "lower-case letters, digits and hyphens, a letter or digit first"
+    return message

@@ -79,7 +79,7 @@ def http_app(application: Application) -> FastAPI:
 
 
 class _Server(uvicorn.Server):
-    """An HTTP server that lets those who follow jobs go when it is told to end: they would stay for hours."""
+    """An HTTP server that lets those who follow jobs or watch streams go when it is told to end: they would stay."""
 
     def __init__(self, config: uvicorn.Config, application: Application) -> None:
         super().__init__(config)
@@ -87,7 +87,7 @@ class _Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Called with the signal that tells it to end."""
-        self._application.training.ending.set()
+        self._application.let_go()
         super().handle_exit(sig, frame)
 
 

@@ -126,7 +126,7 @@ def compose_scene(
     model: tuple[str, int],
     timings_ms: dict[str, float],
     *,
-    points: bool,
+    points: bool | NDArray[np.int32],
 ) -> SceneAnswer:
     """The answer that a scene makes.
 
@@ -136,7 +136,8 @@ def compose_scene(
         answers: of each object, or why there is none.
         model: name and version that gave them.
         timings_ms: of each stage, milliseconds.
-        points: whether the object of each point is part of the answer.
+        points: whether the object of each point is part of the answer; or the places in the file of some points, of
+            which alone it is.
     """
     normal = sent.pose.rotation @ scene.plane.normal
     origin = sent.to_own_frame(np.zeros(3))
@@ -159,7 +160,7 @@ def compose_scene(
         ],
         warnings=list(scene.warnings),
         timings_ms=timings_ms,
-        point_objects=_point_objects(sent, scene) if points else None,
+        point_objects=None if points is False else _point_objects(sent, scene, points),
     )
 
 
@@ -186,15 +187,15 @@ def _tell(number: int, found: SceneObject, answer: Answer | Refusal, sent: Scene
     )
 
 
-def _point_objects(sent: SceneCloud, scene: Scene) -> list[int]:
+def _point_objects(sent: SceneCloud, scene: Scene, points: bool | NDArray[np.int32]) -> list[int]:
     numbers = np.full(len(sent.cloud.points), -1)
     for number, found in enumerate(scene.objects):
         numbers[found.indices] = number
-    if sent.cloud.measured is None:
-        return list(numbers.tolist())
-    of_file = np.full(len(sent.cloud.measured), -1)
-    of_file[sent.cloud.measured] = numbers
-    return list(of_file.tolist())
+    if sent.cloud.measured is not None:
+        of_file = np.full(len(sent.cloud.measured), -1)
+        of_file[sent.cloud.measured] = numbers
+        numbers = of_file
+    return list((numbers if points is True else numbers[points]).tolist())
 
 
 def _triple(vector: NDArray[np.float64]) -> Triple:

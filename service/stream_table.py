@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
+from service.streams import latency_of
+
 MOST = 40  # robots listed, those heard of last
-LONGEST_LATENCY = 3600.0  # seconds; beyond, the clocks of robot and watcher do not agree
 PROBLEM = "application/problem+json"
 
 
@@ -45,10 +46,7 @@ def read(key: str, encoding: str, payload: bytes, now_ns: int) -> Heard:
         document = None
     if not isinstance(document, dict):
         return Heard(key, None, False, None)
-    sent_ns = _part(document, "source", "time_ns")
-    latency = (now_ns - sent_ns) / 1e9 if isinstance(sent_ns, int) else None
-    if latency is not None and not 0 <= latency < LONGEST_LATENCY:
-        latency = None
+    latency = latency_of(_part(document, "source", "time_ns"), now_ns)
     return Heard(key, document, encoding.startswith(PROBLEM), latency)
 
 

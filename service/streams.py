@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 KEY = "{key}"
+LONGEST_LATENCY = 3600.0  # seconds; beyond, the clocks of robot and watcher do not agree
 
 
 class Stream(BaseModel):
@@ -66,3 +67,14 @@ class Stream(BaseModel):
         """Whether a key looks like one of this stream's answers, which are no clouds."""
         before, _, after = self.publish_to.partition(KEY)
         return len(key) > len(before) + len(after) and key.startswith(before) and key.endswith(after)
+
+
+def latency_of(sent_ns: object, now_ns: int) -> float | None:
+    """How long ago a robot published a cloud, by its own clock and ours, seconds; None where that cannot be told.
+
+    Args:
+        sent_ns: when it says that it did, nanoseconds since 1970; anything else where it did not say.
+        now_ns: when it is now.
+    """
+    latency_ns = now_ns - sent_ns if isinstance(sent_ns, int) else -1  # of any size: it is what somebody wrote
+    return latency_ns / 1e9 if 0 <= latency_ns < LONGEST_LATENCY * 1e9 else None

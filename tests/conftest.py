@@ -40,7 +40,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Says how many tests on real scans were run, and how many were skipped for want of them."""
     counts = {
-        outcome: sum(ON_SCANS in map(tuple, report.user_properties) for report in terminalreporter.getreports(outcome))
+        outcome: sum(
+            ON_SCANS in map(tuple, getattr(report, "user_properties", ()))
+            for report in terminalreporter.getreports(outcome)
+        )
         for outcome in ("passed", "failed", "skipped")
     }
     run = counts["passed"] + counts["failed"]

@@ -80,7 +80,10 @@ def simulate(
     cluster: str | None,
     as_json: bool,
 ) -> None:
-    """Simulates abstract objects (Alg. 1) and writes their clouds, as PLY, with a contact sheet."""
+    """Simulates abstract objects and writes their clouds.
+
+    They are composed by the paper's Alg. 1. Clouds are PLY; contact-sheet.png beside them shows the first 400.
+    """
     from worker.progress import watching
     from worker.sharing import shared_out
     from worker.simulation import simulate as simulate_objects
@@ -129,27 +132,33 @@ def train(
     as_json: bool,
     store: str | None,
 ) -> None:
-    """Learns shape concepts and publishes them as the next version of a model.
+    """Learns shape concepts and publishes them as a model.
 
-    The clouds are those of a folder, one object each as a depth camera saw it, or simulated ones. Clouds that cannot
-    be learnt from are named and left out. Concepts that are still the same as in the version that the alias meant
-    before keep the names that people gave them.
+    Each time makes the next version. The clouds are those of a folder, one object each as a depth camera saw it, or
+    simulated ones. Clouds that cannot be learnt from are named and left out. Concepts that are still the same as in the
+    version that the alias meant before keep the names that people gave them.
     """
+    from worker.processes import prepare
+
+    settings = settings_of(store=store, cluster=cluster)
+    if count is not None and settings.cluster is None:
+        prepare(renderer)
     from service.carrying import carry_from_earlier
     from service.model_file import check_name
     from service.store import ModelStore
     from worker.learning.train import train as learn
     from worker.progress import watching
     from worker.sharing import shared_out
+    from worker.sources import Simulation
 
     check_name(name, " model")
     check_name(alias, "n alias")
-    settings = settings_of(store=store, cluster=cluster)
     models = ModelStore(settings.store)
     chosen = _config(config)
     source = _source(clouds, count, seed, chosen, renderer)
     with watching() as watch, shared_out(workers, settings.cluster):
-        model, refused = learn(watch.count(source, source.count), chosen.model, seed, watch.stage)
+        clouds_to_learn = source.unmade() if isinstance(source, Simulation) else source
+        model, refused = learn(watch.count(clouds_to_learn, source.count), chosen.model, seed, watch.stage)
         watch.stage("publishing")
         before = models.aliases(name).get(alias)
         manifest = models.publish(model, name=name, seed=seed, source=source.describe(), alias=None)
@@ -225,10 +234,11 @@ def evaluate(
     as_json: bool,
     store: str | None,
 ) -> None:
-    """Judges a model by labelled clouds, and writes report.json and report.html.
+    """Judges a model by labelled clouds, and writes a report.
 
-    Labels judge, they never teach the model. Figures are balanced over labels, 1 is best. Clouds that the model
-    refuses are named and in no figure. Ready-made descriptors of whole clouds are judged beside the model.
+    It is report.html, and report.json for programs. Labels judge, they never teach the model. Figures are balanced over
+    labels, 1 is best. Clouds that the model refuses are named and in no figure. Ready-made descriptors of whole clouds
+    are judged beside the model.
     """
     from joblib import parallel_config
 
@@ -292,11 +302,11 @@ def evaluate(
 def promote(
     model: str, labels: Path, alias: str, tolerance: float | None, workers: int, as_json: bool, store: str | None
 ) -> None:
-    """Lets an alias mean a version if that is not worse than the one which it means.
+    """Lets an alias mean a version if that is not worse.
 
-    Both are judged by the labelled clouds that both answer: nearest neighbour, support vector machine, and the two
-    figures of regions, all balanced over labels; and the share of the clouds that they answer. If one of these is
-    lower by more than is tolerated, the alias stays, and the exit code is 1.
+    It and the one that the alias means now are judged by the labelled clouds that both answer: nearest neighbour,
+    support vector machine, and the two figures of regions, all balanced over labels; and the share of the clouds that
+    they answer. If one of these is lower by more than is tolerated, the alias stays, and the exit code is 1.
     """
     from joblib import parallel_config
 

@@ -60,4 +60,9 @@ def read_config(file: Path) -> TrainingConfig:
 def _faults(error: ValidationError | TypeError) -> str:
     if isinstance(error, TypeError):
         return "a stage's parameters stand in a table of their own"
-    return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+    faults = ((e["loc"], e["msg"].removeprefix("Value error, ")) for e in error.errors())
+    said = ((".".join(map(str, place[place[0] == "model" :])), what) for place, what in faults)
+    return "; ".join(
+        f"{place}: {what.replace('Extra inputs are not permitted', 'there is no such parameter')}"
+        for place, what in said
+    )

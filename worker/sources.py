@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from service import clouds
 from service.clouds.formats import CLOUD_ENDINGS
 from service.dataset_records import digest_of
 from service.datasets import Datasets
+from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from worker.learning.observations import NamedCloud
-from worker.simulation import SimulationParams, simulate
+from worker.simulation import SimulationParams, require_renderer, simulate, simulate_object
 
 
 class Source(Protocol):
@@ -74,6 +75,30 @@ class Folder:
         return {"kind": "folder", "clouds": self.count}
 
 
+class SimulatedCloud(NamedTuple):
+    """The cloud of an abstract object that is yet to be simulated.
+
+    Attributes:
+        number: of the object.
+        seed: of the simulation.
+        params: of it.
+    """
+
+    number: int
+    seed: int
+    params: SimulationParams
+
+    @property
+    def key(self) -> str:
+        """What it is called."""
+        return f"simulated/{self.seed}/{self.number}"
+
+    @property
+    def cloud(self) -> PointCloud:
+        """Simulates it."""
+        return simulate_object(self.number, self.seed, self.params).cloud
+
+
 class Simulation:
     """Abstract objects, simulated as they are needed.
 
@@ -90,7 +115,17 @@ class Simulation:
     def __iter__(self) -> Iterator[NamedCloud]:
         """Simulates object after object."""
         for simulated in simulate(self.count, self.seed, params=self.params):
-            yield NamedCloud(f"simulated/{self.seed}/{simulated.index}", simulated.cloud)
+            yield NamedCloud(SimulatedCloud(simulated.index, self.seed, self.params).key, simulated.cloud)
+
+    def unmade(self) -> Iterator[SimulatedCloud]:
+        """The same clouds, each to be simulated where it is looked at.
+
+        Raises:
+            RendererUnavailable: SAPIEN cannot render here.
+        """
+        require_renderer(self.params)
+        for number in range(self.count):
+            yield SimulatedCloud(number, self.seed, self.params)
 
     def describe(self) -> dict[str, Any]:
         """Everything that makes the same objects again."""

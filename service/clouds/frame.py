@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from service.clouds.claims import quote
@@ -88,9 +89,8 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
     """
     pose = viewpoint or raw.viewpoint or Viewpoint()
     unit = unit or raw.unit or "m"
-    if pose == Viewpoint() and UNITS[unit] == 1 and _is_plain(raw.xyz):
-        return PointCloud(raw.xyz.astype(np.float32))
-    kept = _measured(raw.xyz, pose)
+    with np.errstate(over="ignore"):  # a position beyond float32 is no point's
+        kept = _measured(raw.xyz, np.array(pose.position, np.float32))
     whole = bool(kept.all())
     measured = raw.xyz if whole else raw.xyz[kept]
     if not len(measured):
@@ -99,7 +99,8 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
             "nothing returned; check what the sensor saw and how the cloud was cut out"
         )
     with np.errstate(over="ignore", invalid="ignore"):
-        points = _into_sensor_frame(measured, pose) * UNITS[unit]
+        points = _into_sensor_frame(measured, pose)
+        points = points if unit == "m" else points * UNITS[unit]
     largest = max(points.max(), -points.min())
     if not largest <= np.finfo(np.float32).max:
         raise ImplausibleExtent(
@@ -108,36 +109,26 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
     return PointCloud(points.astype(np.float32), None if whole else kept)
 
 
-def _is_plain(xyz: NDArray[np.float64]) -> bool:
-    """Whether all points are measurements, and none beyond float32, by a look that costs a third of `_measured`.
-
-    It may say no where that says yes: NaN makes any comparison false, and any z of 0 might be a missing return.
-    """
-    if not len(xyz):
-        return False
-    largest = np.finfo(np.float32).max
-    return bool(xyz.min() >= -largest and xyz.max() <= largest and xyz[:, 2].astype(np.float32).all())
-
-
-def _measured(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.bool_]:
+@njit(cache=True, nogil=True)
+def _measured(xyz: NDArray[np.float64], position: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(N,) which points the sensor measured.
 
     Depth cameras write a missing return as NaN or as (0, 0, 0). The latter surely is one where the sensor
     itself stands (no sensor measures its own centre, to float32), and where it repeats: two samples of a
     surface do not fall on the same exact zero. A single (0, 0, 0) away from the sensor stays.
     """
-    missing = ~_all_three(np.isfinite(xyz))
-    with np.errstate(over="ignore", invalid="ignore"):
-        missing |= _all_three(xyz.astype(np.float32) == np.array(pose.position, np.float32))
-    at_zero = _all_three(xyz == 0)
-    if np.count_nonzero(at_zero) > 1:
-        missing |= at_zero
-    return ~missing
-
-
-def _all_three(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N, 3) -> (N,): what `all(axis=1)` says, ten times as fast for rows this short."""
-    return flags[:, 0] & flags[:, 1] & flags[:, 2]
+    out = np.empty(len(xyz), np.bool_)
+    zeros = 0
+    for i in range(len(xyz)):
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        finite = np.isfinite(x) and np.isfinite(y) and np.isfinite(z)
+        at_sensor = np.float32(x) == position[0] and np.float32(y) == position[1] and np.float32(z) == position[2]
+        zeros += x == 0 and y == 0 and z == 0
+        out[i] = finite and not at_sensor
+    if zeros > 1:
+        for i in range(len(xyz)):
+            out[i] = out[i] and not (xyz[i, 0] == 0 and xyz[i, 1] == 0 and xyz[i, 2] == 0)
+    return out
 
 
 def _into_sensor_frame(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.float64]:

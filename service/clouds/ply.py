@@ -5,8 +5,9 @@ Written here because the readers on PyPI allocate what a header claims.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from service.clouds.ply_header import Element, Header, read_header
 from service.clouds.text import check_rows, filled_lines, read_rows
 from service.engine.cloud import PointCloud
 from service.engine.errors import UnreadableCloud
+
+NOTHING: Mapping[str, Sequence[float]] = MappingProxyType({})
 
 
 def read(data: bytes, max_points: int) -> RawCloud:
@@ -39,15 +42,28 @@ def read(data: bytes, max_points: int) -> RawCloud:
     return RawCloud(reader(data, header, vertices[0], columns))
 
 
-def write(cloud: PointCloud) -> bytes:
-    """A binary little-endian PLY that any viewer opens: x, y, z as float, metres, the camera at the origin."""
+def write(
+    cloud: PointCloud, index: NDArray[np.int32] | None = None, comments: Mapping[str, Sequence[float]] = NOTHING
+) -> bytes:
+    """A binary little-endian PLY that any viewer opens: x, y, z as float, metres, the camera at the origin.
+
+    Args:
+        cloud: whose points are written.
+        index: (N,) a whole number for each point, its property `index`; None for none.
+        comments: words of the header, each with its numbers.
+    """
+    said = "".join(f"comment {word} {' '.join(map(repr, numbers))}\n" for word, numbers in comments.items())
     header = (
         "ply\nformat binary_little_endian 1.0\n"
-        "comment metres; camera at the origin: x right, y down, z forward\n"
+        f"comment metres; camera at the origin: x right, y down, z forward\n{said}"
         f"element vertex {len(cloud.points)}\n"
-        "property float x\nproperty float y\nproperty float z\nend_header\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"{'' if index is None else 'property int index' + chr(10)}end_header\n"
     )
-    return header.encode() + cloud.points.astype("<f4").tobytes()
+    rows = cloud.points.astype("<f4").view("<u1").reshape(len(cloud.points), 12)
+    if index is not None:
+        rows = np.concatenate([rows, index.astype("<i4").view("<u1").reshape(len(index), 4)], axis=1)
+    return header.encode() + rows.tobytes()
 
 
 def _column(vertex: Element, axis: str) -> int:
@@ -131,6 +147,12 @@ def _read_binary(data: bytes, header: Header, vertex: Element, columns: list[int
 def _fixed_rows(data: bytes, start: int, element: Element, columns: list[int]) -> NDArray[np.float64]:
     """(rows, columns) values of an element without lists, whose rows all have one length."""
     before = np.cumsum([0] + [entry.type.itemsize for entry in element.properties])
+    first = element.properties[columns[0]].type
+    if columns == list(range(columns[0], columns[0] + len(columns))) and all(
+        element.properties[c].type == first for c in columns
+    ):
+        place, strides = start + int(before[columns[0]]), (element.smallest_row, first.itemsize)
+        return np.ndarray((element.rows, len(columns)), first, data, place, strides).astype(np.float64)
     values = [
         np.ndarray(element.rows, element.properties[c].type, data, start + int(before[c]), element.smallest_row)
         for c in columns

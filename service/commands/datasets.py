@@ -68,10 +68,11 @@ def add(
     as_json: bool,
     store: str | None,
 ) -> None:
-    """Adds clouds: files, folders, and archives (.zip, .tar.gz, .tgz, .tar).
+    """Adds clouds: files, folders, and archives.
 
-    The key of a cloud is its name, or its path in the folder or archive; a labels.csv there labels the clouds beside
-    it. With --json, each cloud is one line. The exit code is 1 if a cloud was refused.
+    Archives are .zip, .tar.gz, .tgz or .tar. The key of a cloud is its name, or its path in the folder or archive; a
+    labels.csv there labels the clouds beside it. With --json, each cloud is one line. The exit code is 1 if a cloud was
+    refused.
     """
     from service.application import parse_viewpoint
     from service.clouds import UNITS
@@ -140,7 +141,10 @@ def show(name: str, after: str, limit: int, as_json: bool, store: str | None) ->
 @json_option
 @store_option
 def download(name: str, out: Path, key: str | None, as_json: bool, store: str | None) -> None:
-    """Writes all clouds of a dataset as an archive, with their labels; or one of them."""
+    """Writes the clouds of a dataset as an archive, or one of them.
+
+    The labels are in the archive, as labels.csv.
+    """
     cases = application_of(store).datasets
     if key is not None:
         pieces: Iterable[bytes] = [cases.store.read(name, key)]
@@ -179,7 +183,7 @@ def delete(name: str, force: bool, as_json: bool, store: str | None) -> None:
 @json_option
 @store_option
 def labels(name: str, table: Path | None, as_json: bool, store: str | None) -> None:
-    """Prints what is said of clouds, as a CSV; or takes the labels of one.
+    """Prints the labels of clouds as a CSV, or takes those of one.
 
     Its columns are file (the cloud's key), category, and if known fine, instance, view, source and group. Labels of
     clouds that it does not name stay. The exit code is 1 if it names clouds that are not there.

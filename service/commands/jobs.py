@@ -74,7 +74,10 @@ def jobs() -> None:
 @click.option("--id", "job_id", metavar="ID", help="Names the job: submitted twice, it is one job.  [default: random]")
 @json_option
 def submit(job_id: str | None, as_json: bool, **given: Any) -> None:
-    """Puts a job into the queue: one that learns, evaluates (--evaluate), or simulates into a dataset (--into)."""
+    """Puts a job into the queue.
+
+    It learns a model; with --evaluate it judges one, with --into it simulates clouds into a dataset.
+    """
     job = application_of(None).training.submit(_spec(given), job_id, local=True)
     done(job.model_dump(mode="json"), f"Job {job.id} is {job.state}.", as_json)
 
@@ -113,7 +116,7 @@ def list_jobs(limit: int, before: str | None, state: Any, as_json: bool) -> None
 @id_argument
 @json_option
 def show_job(job: str, as_json: bool) -> None:
-    """Shows a job: its state, how far it is, what it is to do, and what came of it."""
+    """Shows a job, how far it is, and what came of it."""
     found = application_of(None).training.job(job)
     if as_json:
         click.echo(found.model_dump_json())
@@ -127,9 +130,9 @@ def show_job(job: str, as_json: bool) -> None:
 @id_argument
 @json_option
 def watch(job: str, as_json: bool) -> None:
-    """Tells of a job as it goes on, until it is over; with --json a line for each change.
+    """Tells of a job as it goes on, until it is over.
 
-    The exit code is 0 when it is done, 1 when it failed or was cancelled.
+    With --json, there is a line for each change. The exit code is 0 when it is done, 1 when it failed or was cancelled.
     """
     from service import tables
 
@@ -165,7 +168,10 @@ def logs(job: str, as_json: bool) -> None:
 @id_argument
 @click.option("--out", required=True, metavar="DIR", type=click.Path(path_type=Path, file_okay=False), help="Folder.")
 def report(job: str, out: Path) -> None:
-    """Fetches the report of a job that has evaluated: report.html and report.json."""
+    """Fetches the report of a job that has judged a model.
+
+    It is report.html and, for programs, report.json.
+    """
     from service.training import REPORTS
 
     training = application_of(None).training
@@ -180,7 +186,10 @@ def report(job: str, out: Path) -> None:
 @id_argument
 @json_option
 def cancel(job: str, as_json: bool) -> None:
-    """Takes a job from the queue, or stops it; one that is over stays as it is."""
+    """Takes a job from the queue, or stops it.
+
+    One that is over stays as it is.
+    """
     found = application_of(None).training.cancel(job)
     done(found.model_dump(mode="json"), f"Job {found.id} is {found.state}.", as_json)
 
@@ -189,7 +198,7 @@ def cancel(job: str, as_json: bool) -> None:
 @id_argument
 @json_option
 def retry(job: str, as_json: bool) -> None:
-    """Lets a job that failed or was cancelled go on with the stage at which it ended."""
+    """Lets a failed or cancelled job go on with the stage it ended at."""
     found = application_of(None).training.retry(job)
     done(found.model_dump(mode="json"), f"Job {found.id} is {found.state}.", as_json)
 

@@ -106,10 +106,10 @@ def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
 @json_option
 @store_option
 def compare(old: str, new: str, as_json: bool, store: str | None) -> None:
-    """Tells which concepts of one version persist, merge, split or disappear in another one, and which appear.
+    """Tells what became of the concepts of a version in another one.
 
-    Versions are compared by the clouds that they learnt from: a concept persists if more than half of its objects and
-    of a new concept's are common to both.
+    They persist, merge, split or disappear, and others appear. Versions are compared by the clouds that they learnt
+    from: a concept persists if more than half of its objects and of a new concept's are common to both.
     """
     application = application_of(store)
     compared = application.compare(application.which(old), application.which(new))

@@ -16,7 +16,7 @@ from service.engine.errors import InvalidParameter, ShapeConceptsError
 
 @click.group()
 def names() -> None:
-    """Lists, gives, removes, proposes and carries over names of concepts.
+    """Gives concepts names, by hand or from labels.
 
     Names belong to one version of a model: another version has other concepts. Every replica has them within seconds.
     """
@@ -129,7 +129,7 @@ def propose(model: str, labels_file: Path, apply: bool, time: float | None, as_j
 @json_option
 @store_option
 def carry(model: str, source: str, as_json: bool, store: str | None) -> None:
-    """Calls concepts what another version calls them, where they still are the same.
+    """Takes names over from another version, where they still fit.
 
     Training does so by itself. A concept that somebody has named, or whose name somebody has taken away, stays as it
     is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -39,10 +40,17 @@ def settings_of(**given: Any) -> Settings:
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
-        faults = [f"SHAPE_CONCEPTS_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors()]
-        raise click.UsageError("; ".join(faults)) from error
+        raise click.UsageError("; ".join(_fault(e["loc"], e["msg"]) for e in error.errors())) from error
     except SettingsError as error:
-        raise click.UsageError(f"A setting is no JSON: {error}.") from error
+        field = re.search(r'field "(\w+)"', str(error))
+        name = f"SHAPE_CONCEPTS_{field[1].upper()}" if field else "A setting"
+        raise click.UsageError(f"{name} is no JSON: {error.__cause__ or error}.") from error
+
+
+def _fault(place: tuple[int | str, ...], what: str) -> str:
+    """Which variable is wrong, where in it if it is JSON, and what about it."""
+    name, *inside = map(str, place)
+    return f"SHAPE_CONCEPTS_{name.upper()}{''.join(f', {part}' for part in inside)}: {what}"
 
 
 def application_of(store: str | None) -> Application:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from service.commands.options import application_of, json_option, store_option
-from service.commands.reporting import examples
+from service.commands.reporting import examples, in_words
 from service.engine.errors import InvalidParameter, ShapeConceptsError, UnreadableCloud
 from service.progress import watched
 
@@ -25,7 +25,8 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 
 @click.command(
     epilog=examples(
-        "shape-concepts respond --model default mug.pcd",
+        "shape-concepts respond mug.pcd",
+        "shape-concepts respond --html mug.html mug.pcd",
         "shape-concepts respond --model default --top 3 --unit mm scans/*.ply",
         "shape-concepts respond --model default:2 --time 0.2 --json --stimuli mug.npy",
         "shape-concepts respond --viewpoint 0,-0.4,-0.9 --json - < mug.xyz",
@@ -33,14 +34,20 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
         "shape-concepts respond --model default --json --segments mug.pcd",
         "shape-concepts respond --intrinsics 525,525,319.5,239.5 --mask mask.png depth.png",
         "shape-concepts respond --model default --scene --top 3 table.pcd",
+        "shape-concepts respond --save mug.rrd mug.pcd",
     )
 )
 @click.argument("clouds", nargs=-1, required=True, metavar="CLOUD...")
-@click.option("--model", metavar="NAME", help="Model to ask.  [default: SHAPE_CONCEPTS_MODEL, or the store's only one]")
+@click.option(
+    "--model",
+    metavar="NAME",
+    help="Model to ask.  [default: SHAPE_CONCEPTS_MODEL, or the store's only one, or the built-in one]",
+)
 @click.option(
     "--time",
     type=click.FloatRange(0, 1),
-    help="Filtration time of all concepts: 0 specific, 1 generic.  [default: epsilon_max first, then other times]",
+    help="Filtration time of all concepts: 0 specific, 1 generic.  [default: epsilon_max, that of most annexations; "
+    "then others]",
 )
 @click.option(
     "--top", type=click.IntRange(min=1), help=f"How many concepts to list.  [default: {TOP}; all with --json]"
@@ -64,6 +71,18 @@ COMPILING = "still at work: the first cloud after an installation takes up to ha
 @click.option("--explain", is_flag=True, help="Say why: segments, motif vertices that fired, nearest prototypes.")
 @click.option("--segments", is_flag=True, help="With --json: the segment of each point, -1 for none.")
 @click.option("--scene", is_flag=True, help="The clouds are whole scenes: answer each object on a table or a floor.")
+@click.option(
+    "--html",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the clouds and their answers into a page that needs no server and no network.",
+)
+@click.option(
+    "--save",
+    metavar="FILE.rrd",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="The same as a recording for Rerun's viewer (extra rerun).",
+)
 @json_option
 @store_option
 def respond(
@@ -80,6 +99,8 @@ def respond(
     explain: bool,
     segments: bool,
     scene: bool,
+    html: Path | None,
+    save: Path | None,
     as_json: bool,
     store: str | None,
 ) -> None:
@@ -96,9 +117,16 @@ def respond(
     said = _said_of_clouds(unit, viewpoint, intrinsics, depth_scale)
     if mask and len(clouds) > 1:
         raise click.BadParameter("It belongs to one depth image; give one CLOUD.", param_hint="--mask")
+    drawing = None
+    if html or save:
+        from service.commands.drawing import Drawing, as_asked
+
+        drawing = Drawing(html, save, len(clouds))
     try:
         application = application_of(store)
         name, version = application.prepare(model)
+        if store and application.model(name).built_in:
+            click.echo(f"The store {store} holds no model: the one that comes with the service answers.", err=True)
     except ShapeConceptsError as error:
         if not as_json:
             raise
@@ -118,10 +146,13 @@ def respond(
                     time=time,
                     top=top or (None if as_json else TOP),
                     stimuli=stimuli,
-                    explain=explain,
-                    segments=segments,
+                    explain=explain or drawing is not None,
+                    segments=segments or drawing is not None,
                     on_stage=on_stage,
                 )
+            if drawing:
+                drawing.add(application, cloud, answer)
+                answer = as_asked(answer, explain=explain, segments=segments)
         except Exception as error:
             failed += 1
             _report(file, error, as_json)
@@ -138,6 +169,8 @@ def respond(
                 tables.show_answer(file, answer)
                 if answer.explanation:
                     tables.show_explanation(answer.explanation, thumbnail)
+    if drawing:
+        drawing.write()
     if failed:
         sys.exit(1)
 
@@ -166,6 +199,8 @@ def _read(file: str) -> bytes:
     """The bytes of a cloud's file."""
     try:
         return sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes()
+    except IsADirectoryError:
+        raise UnreadableCloud(f"It is a folder; give the clouds in it, such as {Path(file) / '*.ply'}.") from None
     except (OSError, ValueError) as error:
         raise UnreadableCloud(f"The file cannot be read: {getattr(error, 'strerror', None) or error}.") from error
 
@@ -180,4 +215,5 @@ def _report(file: str, error: Exception, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"file": file, "error": {"type": kind, "detail": detail}}))
     else:
-        click.echo(f"Error: {file}: {detail}", err=True)
+        said = in_words(error) if isinstance(error, ShapeConceptsError) else detail
+        click.echo(f"Error: {file}: {said}", err=True)

@@ -50,7 +50,7 @@ def create(name: str, cron: str, zone: str, job: str, as_json: bool) -> None:
 @schedules.command("list", epilog=examples("shape-concepts schedules list", "shape-concepts schedules list --json"))
 @json_option
 def list_schedules(as_json: bool) -> None:
-    """Lists schedules, when they are next due, and what they have submitted last."""
+    """Lists schedules, and when they are next due."""
     found = application_of(None).scheduling.schedules()
     if as_json:
         click.echo(json.dumps({"schedules": [schedule.model_dump(mode="json") for schedule in found]}))

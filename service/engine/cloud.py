@@ -122,8 +122,7 @@ def normalise(cloud: PointCloud, params: CloudParams) -> NormalisedCloud:
             f"The object has {points.shape[1]} points beside scattered ones, fewer than the {params.min_points} "
             "needed. Send the object alone, or move the sensor closer."
         )
-    axes, own = _along_principal_axes(points - centre[:, None])
-    own /= 2 * radius
+    axes, own = _along_principal_axes(points, centre, 2 * radius)
     return NormalisedCloud(own.T, Frame(centre, axes, 2 * radius), _warnings(centre, radius))
 
 
@@ -248,23 +247,30 @@ def _check_distance(distance: float, extent: float) -> None:
         )
 
 
-def _along_principal_axes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _along_principal_axes(
+    points: NDArray[np.float64], centre: NDArray[np.float64], extent: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Columns (3, 3): the axes of largest to smallest variance, right-handed, the skewed side positive.
 
-    And the centred points (3, N) along them.
+    And the points (3, N), seen from the centre, along them, in extents.
     """
-    variance, axes = np.linalg.eigh(points @ points.T / points.shape[1])
+    variance, axes = np.linalg.eigh(_second_moments(points, centre))
     if variance[1] < LINE * variance[2]:
         raise DegenerateCloud(
             f"The {points.shape[1]} points of the cloud lie on one line: there is no surface to describe. "
             "Check that all three coordinates were filled in."
         )
-    own = axes[:, ::-1].T @ points
-    sign = np.where((own * own * own).sum(axis=1) < 0, -1.0, 1.0)
-    axes = axes[:, ::-1] * sign
-    sign[2] *= np.sign(np.linalg.det(axes))
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return axes, own * sign[:, None]
+    axes = np.ascontiguousarray(axes[:, ::-1])
+    own, skew = _along(points, centre, axes)
+    sign = np.where(skew < 0, -1.0, 1.0)
+    sign[2] = sign[0] * sign[1] * np.sign(axes[0] @ _cross(axes[1], axes[2]))  # right-handed, whatever its skew
+    own *= (sign / extent)[:, None]
+    return axes * sign, own
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As numpy's, without its ceremony."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _warnings(centre: NDArray[np.float64], radius: float) -> tuple[str, ...]:
@@ -275,7 +281,7 @@ def _warnings(centre: NDArray[np.float64], radius: float) -> tuple[str, ...]:
     return ()
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def occupied_cells(
     points: NDArray[np.float64], size: float
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], tuple[int, int, int]]:
@@ -289,9 +295,9 @@ def occupied_cells(
     voxels = np.empty(count, np.int32)
     for i in range(count):
         x, y, z = np.floor(points[0, i] / size), np.floor(points[1, i] / size), np.floor(points[2, i] / size)
-        key = ((int(x) - low[0]) * wide + int(y) - low[1]) * deep + int(z) - low[2]
-        voxels[i] = key
-        number[key] = 1
+        voxels[i] = ((x - low[0]) * wide + (y - low[1])) * deep + (z - low[2])
+    for voxel in voxels:
+        number[np.uint64(voxel)] = 1
     occupied = 0
     for key in range(len(number)):
         occupied += number[key]
@@ -302,11 +308,11 @@ def occupied_cells(
             keys[occupied], number[key] = key, occupied
             occupied += 1
     for i in range(count):
-        voxels[i] = number[voxels[i]]
+        voxels[i] = number[np.uint64(voxels[i])]
     return voxels, keys, (high[0] - low[0] + 1, wide, deep)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def means_of(points: NDArray[np.float64], voxels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
     """The mean of the points (3, N) of each voxel (M, 3)."""
     sums = np.zeros((count, 4))
@@ -321,7 +327,34 @@ def means_of(points: NDArray[np.float64], voxels: NDArray[np.int32], count: int)
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _second_moments(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance (3, 3) of points (3, N) about a centre."""
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        x, y, z = points[0, i] - centre[0], points[1, i] - centre[1], points[2, i] - centre[2]
+        xx, xy, xz, yy, yz, zz = xx + x * x, xy + x * y, xz + x * z, yy + y * y, yz + y * z, zz + z * z
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) / points.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _along(
+    points: NDArray[np.float64], centre: NDArray[np.float64], axes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (3, N), seen from a centre, along axes, the columns of (3, 3); and the sums of their cubes (3,)."""
+    out = np.empty_like(points)
+    first, second, third = 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        x, y, z = points[0, i] - centre[0], points[1, i] - centre[1], points[2, i] - centre[2]
+        u = x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]
+        v = x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]
+        w = x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2]
+        out[0, i], out[1, i], out[2, i] = u, v, w
+        first, second, third = first + u * u * u, second + v * v * v, third + w * w * w
+    return out, np.array([first, second, third])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _distances(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """From each point (3, N) to one (3,)."""
     out = np.empty(points.shape[1])
@@ -332,7 +365,7 @@ def _distances(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDAr
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mean_within(points: NDArray[np.float64], distance: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
     """Mean (3,) of the points (3, N) whose distance is within a limit."""
     x, y, z, count = 0.0, 0.0, 0.0, 0
@@ -342,7 +375,7 @@ def _mean_within(points: NDArray[np.float64], distance: NDArray[np.float64], lim
     return np.array([x / count, y / count, z / count])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _keys(points: NDArray[np.float64], low: NDArray[np.float64], step: float) -> NDArray[np.int64]:
     """Places (N,) of points (3, N) on a lattice, x before y before z."""
     out = np.empty(points.shape[1], np.int64)
@@ -352,7 +385,7 @@ def _keys(points: NDArray[np.float64], low: NDArray[np.float64], step: float) ->
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _of_keys(keys: NDArray[np.int64], low: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """The points (3, N) of `_keys`."""
     out = np.empty((3, len(keys)))

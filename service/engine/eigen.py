@@ -16,7 +16,7 @@ Symmetric = tuple[float, float, float, float, float, float]
 ROUND = 1e-14  # spread of the variances, relative to their mean, under which all directions are alike
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def principal_axes(matrix: Symmetric) -> tuple[Vector, Vector, Vector]:
     """The eigenvalues of a symmetric matrix, ascending, and the unit eigenvectors of the first and of the last."""
     xx, xy, xz, yy, yz, zz = matrix
@@ -36,7 +36,7 @@ def principal_axes(matrix: Symmetric) -> tuple[Vector, Vector, Vector]:
     return (apart, low, high), first, _cross(first, across)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _null_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> Vector:
     """The unit vector that a symmetric matrix of rank 2 maps to 0: across the two rows that span most."""
     a, b, c = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
@@ -47,7 +47,7 @@ def _null_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -
     return (best[0] / length, best[1] / length, best[2] / length)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _within_plane(matrix: Symmetric, axis: Vector) -> tuple[float, float, Vector]:
     """The two eigenvalues across a known eigenvector, ascending, and the unit eigenvector of the smaller one."""
     if abs(axis[0]) > abs(axis[1]):
@@ -70,7 +70,7 @@ def _within_plane(matrix: Symmetric, axis: Vector) -> tuple[float, float, Vector
     return middle - root, middle + root, (c * u[0] + s * v[0], c * u[1] + s * v[1], c * u[2] + s * v[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _times(matrix: Symmetric, v: Vector) -> Vector:
     xx, xy, xz, yy, yz, zz = matrix
     return (
@@ -80,11 +80,11 @@ def _times(matrix: Symmetric, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cross(a: Vector, b: Vector) -> Vector:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _square(a: Vector) -> float:
     return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]

@@ -147,6 +147,14 @@ class ScheduleExists(ShapeConceptsError):
     """There is a schedule of that name, and it is another one."""
 
 
+class StreamNotFound(ShapeConceptsError):
+    """The service answers no stream of that key."""
+
+
+class StreamsUnavailable(ShapeConceptsError):
+    """The service has not reached zenoh, which brings the streams."""
+
+
 class JobsUnavailable(ShapeConceptsError):
     """The database of jobs cannot be used, or the job engine is not installed."""
 

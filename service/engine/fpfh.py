@@ -67,7 +67,7 @@ def _parts(
             total += weight[k]
         total = 1 + (total - 1 / closest) / others  # all neighbours have neighbours; the point is one of its own
         for k in range(first, end):
-            out[indices[k], segment] += weight[k] / (others * total)
+            out[np.uint64(indices[k]), segment] += weight[k] / (others * total)
         out[i, segment] += (1 - 1 / (closest * others)) / total
     for i in range(size):
         each = 3 * max(indptr[i + 1] - indptr[i] - 1, 1)  # a pair votes once for each of the three angles
@@ -76,7 +76,7 @@ def _parts(
     return out, alone
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _votes(
     points: NDArray[np.float64], normals: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.int32]:
@@ -91,8 +91,9 @@ def _votes(
     for i in range(len(points)):
         x, y, z = points[i]
         nx, ny, nz = normals[i]
-        for j in indices[indptr[i] : indptr[i + 1]]:
-            if j <= i:
+        for place in range(indptr[i], indptr[i + 1]):
+            j = np.uint64(indices[place])
+            if indices[place] <= i:
                 continue
             first[filled], second[filled] = i, j
             pairs[0, filled], pairs[1, filled], pairs[2, filled] = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
@@ -109,7 +110,7 @@ def _votes(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _vote(
     first: NDArray[np.int64],
     second: NDArray[np.int64],
@@ -119,10 +120,11 @@ def _vote(
 ) -> None:
     """Adds the votes of pairs to the histograms of both ends, in place."""
     for k in range(filled):
-        i, j = first[k], second[k]
+        i, j = np.uint64(first[k]), np.uint64(second[k])
         for angle in range(3):
-            out[i, bins[angle, k]] += 1
-            out[j, bins[angle, k]] += 1
+            b = np.uint64(bins[angle, k])
+            out[i, b] += 1
+            out[j, b] += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
@@ -159,7 +161,7 @@ def _measure(pairs: NDArray[np.float64], bins: NDArray[np.int32]) -> None:
         bins[2, k] = 2 * FPFH_BINS + _bin((theta + np.pi) * (0.5 / np.pi))
 
 
-@njit(nogil=True, inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def _bin(share: float) -> int:
     """The bin of a value of [0, 1], of those of one angle."""
     return min(max(int(share * FPFH_BINS), 0), FPFH_BINS - 1)

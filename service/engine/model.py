@@ -57,8 +57,8 @@ class Response:
         truncated: whether constellations were cut off.
         warnings: what is odd about the cloud, in sentences.
         stimuli: *gamma^o.
-        point_segments: (N,) int32: the segment of each point of the cloud, or (M,) of its file, -1 for none; None if
-            it was not asked for.
+        point_segments: (N,) int32: the segment of each point of the cloud, or (M,) of its file, or of each point that
+            was asked about, -1 for none; None if it was not asked for.
         explanation: why the response is what it is; None if it was not asked for.
     """
 
@@ -127,7 +127,7 @@ class ShapeModel:
         *,
         time: float | None = None,
         explain: bool = False,
-        segments: bool = False,
+        segments: bool | PointCloud = False,
         on_stage: OnStage = ignore_stage,
     ) -> Response:
         """Tells which concepts an object's cloud resembles.
@@ -137,7 +137,8 @@ class ShapeModel:
             time: filtration time of the concepts, [0, 1]; None for epsilon_max and, after its concepts, those of the
                 other scales.
             explain: whether the response says why it is what it is.
-            segments: whether it says of each point of the cloud to which segment it belongs.
+            segments: whether it says of each point of the cloud to which segment it belongs; or some points of the
+                cloud, of which alone it shall say that.
             on_stage: called as each stage begins.
 
         Raises:
@@ -145,7 +146,7 @@ class ShapeModel:
             InvalidParameter: the time is out of range.
         """
         spectrum = self.spectrum(time)
-        seen = perceive(cloud, self.params, on_stage)
+        seen = perceive(cloud, self.params, on_stage, unions=self.params.unions_count)
 
         on_stage("stimuli")
         words = self._words(seen, explain)
@@ -167,7 +168,7 @@ class ShapeModel:
             explanation = explain_response(evidence, self.ensemble, spectrum, self.prototypes)
         if segments:
             on_stage("points")
-            point_segments = segments_of_points(cloud, seen.graph)
+            point_segments = segments_of_points(cloud if segments is True else segments, seen.graph)
         return Response(
             responses=responses,
             distances=distances,
@@ -188,8 +189,9 @@ class ShapeModel:
 
     def _words(self, seen: Perception, explain: bool) -> NDArray[np.int64]:
         """The visual words of an object's segments (S, n); (0, n) where neither stimuli nor explanation need them."""
-        asked = seen.segment_descriptors if explain or self.params.stimuli.gating == "words" else seen.descriptors[:0]
-        return self.dictionary.words(asked)
+        if explain or self.params.stimuli.gating == "words":
+            return self.dictionary.words(seen.segment_descriptors)
+        return np.zeros((0, len(self.dictionary.levels)), np.int64)
 
     def compare(self, stimuli: Stimuli, spectrum: Spectrum) -> Comparison:
         """How far an object is from the training objects, by its stimuli, and its responses to the concepts."""

@@ -188,6 +188,14 @@ def propagate(graph: SegmentGraph, params: HierarchyParams) -> Constellations:
     return found.record(whole, params.max_levels + 1 if params.whole_apart else None, graph.share, truncated)
 
 
+def segments_and_whole(graph: SegmentGraph, params: HierarchyParams) -> Constellations:
+    """An object's single segments and, apart, the whole: what `propagate` finds without the unions between."""
+    found = _Found()
+    for segment in range(graph.count):
+        found.add(1, 1 << segment)
+    return found.record((1 << graph.count) - 1, params.max_levels + 1, graph.share, truncated=False)
+
+
 class _Found:
     """Collects the constellations, level by level."""
 

@@ -73,7 +73,7 @@ def touching(cells: NDArray[np.int32]) -> Neighbourhood:
     return neighbourhood(cells.astype(np.float64), CORNER, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _columns(
     points: NDArray[np.float64], first: NDArray[np.float64], last: NDArray[np.float64], edge: float
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], tuple[int, int]]:
@@ -90,7 +90,7 @@ def _columns(
     return columns, starts, shape
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _near(
     points: NDArray[np.float64],
     starts: NDArray[np.int64],
@@ -113,22 +113,20 @@ def _near(
         indptr[i + 1] = indptr[i] + filled[i] + 1 + count
         filled[i] = indptr[i]
     indices, squared = np.empty(indptr[-1], np.int32), np.empty(indptr[-1])
-    k = 0
     for i in range(size):
         own = filled[i]  # after what earlier points found
         indices[own], squared[own] = i, 0.0
-        own += 1
-        while k < ends[i]:
-            indices[own], squared[own] = found[k], away[k]
-            other = filled[found[k]]
-            indices[other], squared[other] = i, away[k]
-            filled[found[k]] += 1
+        for k in range(ends[i - 1] if i else 0, ends[i]):
             own += 1
-            k += 1
+            later = np.uint64(found[k])
+            before = np.uint64(filled[later])
+            filled[later] += 1
+            indices[np.uint64(own)], squared[np.uint64(own)] = found[k], away[k]
+            indices[before], squared[before] = i, away[k]
     return indptr, indices, squared
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _later(
     points: NDArray[np.float64],
     starts: NDArray[np.int64],
@@ -147,21 +145,22 @@ def _later(
         if len(found) < end + size:
             found, squared = _longer(found, end + ROOM * size), _longer(squared, end + ROOM * size)
         x, y, z = xs[i], ys[i], zs[i]
-        left, right = _reached(x, radius, per_edge, first[0], shape[0])
-        for a in range(left, right + 1):
-            gap = max((a + first[0]) * edge - x, x - (a + 1 + first[0]) * edge, 0.0)
+        own, _ = _reached(x, 0.0, per_edge, first[0], shape[0])
+        _, right = _reached(x, radius, per_edge, first[0], shape[0])
+        for a in range(own, right + 1):
+            gap = max((a + first[0]) * edge - x, 0.0)
             low, high = _reached(y, np.sqrt(max(reach - gap * gap, 0.0)), per_edge, first[1], shape[1])
-            begin, stop = max(starts[a * shape[1] + low], i + 1), starts[a * shape[1] + high + 1]
-            for k in range(np.uint64(begin), np.uint64(max(stop, begin))):  # unsigned: no place counts from the end
-                dx, dy, dz = xs[k] - x, ys[k] - y, zs[k] - z
+            for k in range(max(starts[a * shape[1] + low], i + 1), starts[a * shape[1] + high + 1]):
+                place, after = np.uint64(k), np.uint64(end)  # unsigned: no place counts from the end
+                dx, dy, dz = xs[place] - x, ys[place] - y, zs[place] - z
                 away = dx * dx + dy * dy + dz * dz
-                found[end], squared[end] = k, away
+                found[after], squared[after] = k, away
                 end += away <= reach
         ends[i] = end
     return ends, found[:end], squared[:end]
 
 
-@njit(nogil=True, inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def _reached(at: float, reach: float, per_edge: float, first: float, count: int) -> tuple[int, int]:
     """The first and the last of a grid's columns that are within reach, with one thousandth for rounding."""
     low = int(np.floor((at - 1.001 * reach) * per_edge) - first)
@@ -169,14 +168,14 @@ def _reached(at: float, reach: float, per_edge: float, first: float, count: int)
     return max(low, 0), min(high, count - 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _longer(old: NDArray[np.generic], size: int) -> NDArray[np.generic]:
     out = np.empty(size, old.dtype)
     out[: len(old)] = old
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _within(
     indptr: NDArray[np.int64], indices: NDArray[np.int32], squared: NDArray[np.float64], reach: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]:
@@ -191,7 +190,7 @@ def _within(
     return rows, found[:end], away[:end]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _renamed(
     indptr: NDArray[np.int64], indices: NDArray[np.int32], squared: NDArray[np.float64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]:
@@ -215,7 +214,7 @@ def _renamed(
     return rows, found, away
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def connected_parts(
     labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.int64]:

@@ -201,6 +201,13 @@ class ModelParams(StageParams):
     filtration: FiltrationParams = FiltrationParams()
     response: ResponseParams = ResponseParams()
 
+    @property
+    def unions_count(self) -> bool:
+        """Whether unions of segments can excite anything; where they cannot, an answer needs none."""
+        stimuli = self.stimuli
+        told_apart = stimuli.gating == "rank" and stimuli.balanced and self.hierarchy.whole_apart
+        return not (told_apart and stimuli.union_weight == 0)
+
     @classmethod
     def preset(cls, name: str) -> ModelParams:
         """The parameters of a named preset.

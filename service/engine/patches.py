@@ -95,7 +95,7 @@ def _seeds(points: NDArray[np.float64], seed: float) -> NDArray[np.int64]:
     return np.sort(_nearest_to(points, cell, means_of(across, cell, len(keys)), seed * TIE))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _nearest_to(
     points: NDArray[np.float64], cell: NDArray[np.int32], means: NDArray[np.float64], step: float
 ) -> NDArray[np.int64]:
@@ -108,7 +108,7 @@ def _nearest_to(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _planes(
     points: NDArray[np.float64], indptr: NDArray[np.int64], indices: NDArray[np.int32], viewpoint: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -120,7 +120,8 @@ def _planes(
     for i in range(len(points)):
         x, y, z = points[i]
         sx, sy, sz, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in indices[indptr[i] : indptr[i + 1]]:
+        for place in range(indptr[i], indptr[i + 1]):
+            k = np.uint64(indices[place])
             dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
             sx, sy, sz = sx + dx, sy + dy, sz + dz
             xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
@@ -141,7 +142,7 @@ def _planes(
     return normals, weight
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _across(line: Vector, sight: Vector) -> Vector:
     """The unit vector across a line that looks most along the sight."""
     length = np.sqrt(sight[0] ** 2 + sight[1] ** 2 + sight[2] ** 2)
@@ -152,7 +153,7 @@ def _across(line: Vector, sight: Vector) -> Vector:
     return (x / length, y / length, z / length) if length > 1e-9 else (sx, sy, sz)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _flattest_mean(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -165,7 +166,8 @@ def _flattest_mean(
     out = np.empty_like(normals)
     for i in range(len(normals)):
         x, y, z = 0.0, 0.0, 0.0
-        for k in indices[indptr[i] : indptr[i + 1]]:
+        for place in range(indptr[i], indptr[i + 1]):
+            k = np.uint64(indices[place])
             w = weight[k]
             x, y, z = x + w * normals[k, 0], y + w * normals[k, 1], z + w * normals[k, 2]
         length = np.sqrt(x * x + y * y + z * z)
@@ -181,7 +183,7 @@ def _flattest_mean(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _grow(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -212,7 +214,7 @@ def _grow(
     return connected_parts(labels, indptr, indices)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _flow(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -243,7 +245,8 @@ def _flow(
             label = before[f]
             cx, cy, cz = centres[label]
             nx, ny, nz = directions[label]
-            for i in indices[indptr[front[f]] : indptr[front[f] + 1]]:
+            for k in range(indptr[front[f]], indptr[front[f] + 1]):
+                i = np.uint64(indices[k])  # unsigned: no place counts from the end
                 if label == labels[i]:
                     continue
                 dx, dy, dz = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
@@ -254,7 +257,7 @@ def _flow(
         front = np.flatnonzero(changed)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _recentre(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -263,21 +266,25 @@ def _recentre(
     directions: NDArray[np.float64],
 ) -> None:
     """Moves centres (P, 3) and directions (P, 3), in place, to the means of their patches' voxels."""
-    count = np.zeros(len(centres))
-    centres[:] = 0.0
-    directions[:] = 0.0
+    sums = np.zeros((len(centres), 7))
     for i in range(len(points)):
         if labels[i] >= 0:
-            count[labels[i]] += 1
-            for axis in range(3):
-                centres[labels[i], axis] += points[i, axis]
-                directions[labels[i], axis] += normals[i, axis]
+            own = sums[labels[i]]
+            own[0] += points[i, 0]
+            own[1] += points[i, 1]
+            own[2] += points[i, 2]
+            own[3] += normals[i, 0]
+            own[4] += normals[i, 1]
+            own[5] += normals[i, 2]
+            own[6] += 1
     for label in range(len(centres)):
-        centres[label] /= count[label]
-        directions[label] /= max(np.sqrt(_dot(directions[label], directions[label])), 1e-12)
+        x, y, z, nx, ny, nz, count = sums[label]
+        length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
+        centres[label, 0], centres[label, 1], centres[label, 2] = x / count, y / count, z / count
+        directions[label, 0], directions[label, 1], directions[label, 2] = nx / length, ny / length, nz / length
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _restart(
     points: NDArray[np.float64],
     labels: NDArray[np.int64],
@@ -295,12 +302,12 @@ def _restart(
                 nearest[label], starts[label] = d, i
 
 
-@njit(nogil=True, inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(nogil=True, inline="always")
+@njit(nogil=True, error_model="numpy", inline="always")
 def _squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Squared distance."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.engine.cloud import PointCloud, VoxelCloud, downsample, normalise
 from service.engine.descriptor import describe, fpfh_radius
-from service.engine.motifs import Constellations, propagate
+from service.engine.motifs import Constellations, propagate, segments_and_whole
 from service.engine.neighbours import Neighbourhood, neighbourhood
 from service.engine.params import ModelParams
 from service.engine.patches import extract_patches, normal_radius
@@ -46,8 +46,16 @@ class Perception:
         return self.descriptors[: self.graph.count]
 
 
-def perceive(cloud: PointCloud, params: ModelParams, on_stage: OnStage = ignore_stage) -> Perception:
+def perceive(
+    cloud: PointCloud, params: ModelParams, on_stage: OnStage = ignore_stage, *, unions: bool = True
+) -> Perception:
     """Segments an object, propagates its segments into constellations and describes these.
+
+    Args:
+        cloud: of one object, in the sensor's frame.
+        params: of all stages.
+        on_stage: called as each stage begins.
+        unions: whether unions of segments are looked at; else single segments and the whole alone.
 
     Raises:
         InvalidCloud: the cloud is not one that can be described; a child says why.
@@ -64,7 +72,7 @@ def perceive(cloud: PointCloud, params: ModelParams, on_stage: OnStage = ignore_
     graph = merge_patches(patches, params.segments, near)
 
     on_stage("constellations")
-    constellations = propagate(graph, params.hierarchy)
+    constellations = (propagate if unions else segments_and_whole)(graph, params.hierarchy)
 
     on_stage("descriptors")
     descriptors = describe(graph, constellations.members, params.descriptor, near)

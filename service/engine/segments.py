@@ -90,7 +90,7 @@ def _borders(patches: Patches, near: Neighbourhood) -> tuple[NDArray[np.float64]
     return _sum_borders(sides, labels, curved, touch.indptr, touch.indices)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sum_borders(
     sides: NDArray[np.float64],
     labels: NDArray[np.int64],
@@ -113,7 +113,7 @@ def _sum_borders(
     return slack, length
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _own_bend(normals: NDArray[np.float64], labels: NDArray[np.int64], count: int) -> NDArray[np.float64]:
     """Mean angle between the normals of a patch and their mean, radians (P,)."""
     mean, size, out = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
@@ -128,13 +128,13 @@ def _own_bend(normals: NDArray[np.float64], labels: NDArray[np.int64], count: in
     return out / size
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Between unit vectors, radians."""
     return np.arccos(min(max(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], -1.0), 1.0))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Renumbers labels by decreasing size; of equal sizes the one whose first point comes first."""
     size, seen = np.zeros(labels.max() + 1, np.int64), np.empty(labels.max() + 1, np.int64)
@@ -156,7 +156,7 @@ def _adjacent_segments(labels: NDArray[np.int64], count: int, near: Neighbourhoo
     return np.argwhere(np.triu(meeting, 1))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _meeting(
     labels: NDArray[np.int64], count: int, indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
@@ -168,7 +168,7 @@ def _meeting(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _side_normals(
     normals: NDArray[np.float64], labels: NDArray[np.int64], indptr: NDArray[np.int64], indices: NDArray[np.int32]
 ) -> NDArray[np.float64]:
@@ -185,7 +185,7 @@ def _side_normals(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _merge(
     slack: NDArray[np.float64],
     length: NDArray[np.float64],
@@ -221,10 +221,10 @@ def _merge(
         if a < 0:
             break
         _join(a, b, slack, length, size, root)
-    return root
+    return _roots(root)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _merge_smooth(
     slack: NDArray[np.float64],
     length: NDArray[np.float64],
@@ -266,7 +266,7 @@ def _merge_smooth(
                 mean[p] = slack[first[p], second[p]] / length[first[p], second[p]]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _join(
     a: int,
     b: int,
@@ -276,12 +276,23 @@ def _join(
     root: NDArray[np.int64],
 ) -> None:
     """Region b becomes part of region a."""
-    slack[a] += slack[b]
-    slack[:, a] += slack[:, b]
-    length[a] += length[b]
-    length[:, a] += length[:, b]
-    slack[b], slack[:, b], length[b], length[:, b] = 0.0, 0.0, 0.0, 0.0
+    for c in range(len(size)):
+        if length[b, c] > 0:
+            slack[a, c] += slack[b, c]
+            length[a, c] += length[b, c]
+            slack[c, a], length[c, a] = slack[a, c], length[a, c]
+            slack[b, c], slack[c, b], length[b, c], length[c, b] = 0.0, 0.0, 0.0, 0.0
     slack[a, a], length[a, a] = 0.0, 0.0
     size[a] += size[b]
     size[b] = 0.0
-    root[root == b] = a
+    root[b] = a
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _roots(root: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The region that each one has become part of, through all that that one has become part of."""
+    out = root.copy()
+    for p in range(len(out)):
+        while out[p] != root[out[p]]:
+            out[p] = root[out[p]]
+    return out

@@ -53,7 +53,7 @@ def _triples(draws: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(np.random.default_rng(0).random((draws, 3)).T)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _distributions(
     points: NDArray[np.float64], normals: NDArray[np.float64], own: NDArray[np.int64], triples: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -78,7 +78,7 @@ def _distributions(
     return out / total if total > 0 else np.full(len(out), 1.0 / len(out))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rms_radius(points: NDArray[np.float64], own: NDArray[np.int64]) -> float:
     """Of some points about their mean."""
     x, y, z, square = 0.0, 0.0, 0.0, 0.0
@@ -90,7 +90,7 @@ def _rms_radius(points: NDArray[np.float64], own: NDArray[np.int64]) -> float:
     return np.sqrt(square / len(own))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _triple(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -130,7 +130,7 @@ def _measure(corners: NDArray[np.float64], places: NDArray[np.float64], per_rms:
         places[4, t] = (bulge / 2 + 1) / 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _vote(places: NDArray[np.float64], filled: int, out: NDArray[np.float64]) -> None:
     """Shares each vote between the two bins whose centres enclose it, in place, so that rounding moves little."""
     for t in range(filled):

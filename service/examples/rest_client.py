@@ -39,6 +39,8 @@ def main() -> None:
     for file in given.files:
         try:
             print(f"{file}: {tell(ask(given.address, file.read_bytes(), given.model))}")
+        except urllib.error.URLError as error:
+            sys.exit(f"nobody answers at {given.address}, is the service there? ({error.reason})")
         except (OSError, ValueError) as error:
             failed += 1
             print(f"{file}: {error}", file=sys.stderr)

@@ -54,7 +54,12 @@ def main() -> int:
     config.insert_json5("mode", json.dumps("client"))
     config.insert_json5("connect/endpoints", json.dumps([arguments.connect]))
     config.insert_json5("scouting/multicast/enabled", "false")
-    with zenoh.open(config) as session:
+    try:
+        opened = zenoh.open(config)
+    except zenoh.ZError:
+        print(f"nobody answers at {arguments.connect}: is the router, or the service, there?", file=sys.stderr)
+        return 1
+    with opened as session:
         if not list(session.liveliness().get(REPLICAS, timeout=2)):
             print("nobody listens: no replica of the service is there", file=sys.stderr)
             return 1

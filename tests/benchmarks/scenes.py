@@ -52,7 +52,7 @@ class JudgedScene(NamedTuple):
         return sum(one.overlap >= OVERLAP for one in asked), len(asked)
 
 
-def main() -> None:
+def main(_: list[str]) -> None:
     """Prints a row for each scene, and the shares of all."""
     scenes = judge_all(data_folder() / "scenes")
     if not scenes:
@@ -116,4 +116,4 @@ def read_labels(data: bytes) -> NDArray[np.int64]:
 
 
 if __name__ == "__main__":
-    main()
+    main([])

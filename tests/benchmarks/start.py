@@ -50,7 +50,7 @@ class Took(NamedTuple):
     processor: float
 
 
-def main() -> None:
+def main(_: list[str]) -> None:
     """Prints a table."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

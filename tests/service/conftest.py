@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -61,9 +62,9 @@ def application(settings: Settings) -> Iterator[Application]:
     application.close()
 
 
-@pytest.fixture
-def client(application: Application) -> Iterator[httpx.Client]:
-    """A client of a server that answers on the loopback address for the length of a test."""
+@contextmanager
+def asked_over_http(application: Application) -> Iterator[httpx.Client]:
+    """A client of a server that answers for an application on the loopback address, until the context ends."""
     config = uvicorn.Config(create_app(application), host="127.0.0.1", port=0, log_level="error")
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
@@ -71,10 +72,19 @@ def client(application: Application) -> Iterator[httpx.Client]:
     while not server.started:
         time.sleep(0.01)
     port = server.servers[0].sockets[0].getsockname()[1]
-    with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30) as client:
+    try:
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30) as client:
+            yield client
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+@pytest.fixture
+def client(application: Application) -> Iterator[httpx.Client]:
+    """A client of a server that answers on the loopback address for the length of a test."""
+    with asked_over_http(application) as client:
         yield client
-    server.should_exit = True
-    thread.join()
 
 
 @pytest.fixture(scope="session")

@@ -159,3 +159,5 @@ def test_an_installation_brings_it_along(tmp_path: Path) -> None:
         assert found == wanted
         for name in wanted:
             assert packed.read(name) == (ROOT / name).read_bytes()
+        pages = {file.relative_to(ROOT).as_posix() for file in (ROOT / "service/pictures/page").iterdir()}
+        assert pages <= set(packed.namelist())

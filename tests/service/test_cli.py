@@ -7,6 +7,7 @@ import json
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,6 +31,7 @@ from tests.service.clouds.written import npy, png
 from tests.service.tabletop.seen import set_table
 from tests.service.test_archives import NOW
 from tests.service.test_datasets import ply
+from worker.cli import main as worker
 
 
 @pytest.fixture
@@ -165,6 +167,55 @@ def test_the_objects_of_a_scene_are_answered_to_programs_and_people(folder: Path
     assert "motif vertices" in said
 
 
+def test_answers_are_drawn_into_files_and_printed_as_without(folder: Path) -> None:
+    plain = lines(run("respond", "--model", "tiny", "--json", "good.ply"))
+    drawn = run("respond", "--model", "tiny", "--json", "--html", "two.html", "good.ply", "good.ply")
+    assert drawn.exit_code == 0, drawn.output
+    assert "Wrote two.html" in drawn.stderr
+    assert [set(line) for line in lines(drawn)] == [set(plain[0])] * 2
+    assert lines(drawn)[0]["responses"] == plain[0]["responses"]
+    assert Path("two.html").read_text().count('"title": "good.ply"') == 2
+    assert [file.name for file in folder.glob(".two*")] == []
+
+
+def test_answers_are_recorded_for_reruns_viewer(folder: Path) -> None:
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: ./run test --all installs it")
+    recorded = run("respond", "--model", "tiny", "--json", "--save", "two.rrd", "good.ply", "good.ply")
+    assert recorded.exit_code == 0, recorded.output
+    assert "Wrote two.rrd" in recorded.stderr
+    assert Path("two.rrd").read_bytes()[:2] == b"RR"
+    assert [file.name for file in folder.glob(".two*")] == []
+
+
+def test_the_objects_of_a_scene_are_drawn(folder: Path) -> None:
+    Path("table.pcd").write_bytes(write_ply(set_table().cloud))
+    result = run("respond", "--model", "tiny", "--json", "--scene", "--html", "table.html", "table.pcd")
+    assert result.exit_code == 0, result.output
+    (told,) = lines(result)
+    assert "point_objects" not in told
+    assert not any({"explanation", "point_segments"} & set(one["answer"]) for one in told["objects"])
+    titles = re.findall(r'"title": "([^"]*)"', Path("table.html").read_text())
+    assert titles == ["table.pcd", *(f"table.pcd, object {one['number']}" for one in told["objects"])]
+
+
+def test_what_could_not_be_answered_is_not_drawn_and_keeps_no_other_from_it(folder: Path) -> None:
+    result = run("respond", "--model", "tiny", "--html", "one.html", "bad.ply", "good.ply")
+    assert result.exit_code == 1
+    assert Path("one.html").read_text().count('"title": ') == 1
+    assert run("respond", "--model", "tiny", "--html", "none.html", "bad.ply").exit_code == 1
+    assert not Path("none.html").exists()
+
+
+def test_without_rerun_it_is_said_what_to_install_before_any_answer(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    result = run("respond", "--model", "tiny", "--save", "one.rrd", "good.ply")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "pip install 'shape-concepts[rerun]'" in result.stderr
+    assert "--html" in result.stderr
+
+
 def test_a_bad_cloud_keeps_no_other_from_its_answer(folder: Path) -> None:
     result = run("respond", "--json", "bad.ply", "missing.ply", ".", "good.ply")
     assert result.exit_code == 1
@@ -271,6 +322,9 @@ def test_a_cloud_may_come_from_standard_input(folder: Path) -> None:
         (["respond", "good.ply", "--intrinsics", "525,525,0,0"], 1, "depth image"),
         (["respond", "good.ply", "--mask", "none.png"], 2, "--mask"),
         (["respond", "good.ply", "good.ply", "--mask", "bad.ply"], 2, "--mask"),
+        (["respond", "good.ply", "--save", "a.html"], 2, "--html FILE"),
+        (["respond", *["good.ply"] * 51, "--html", "a.html"], 2, "at most 50"),
+        (["respond", "good.ply", "--html", "none/a.html"], 2, "no folder 'none'"),
         (["models", "promote", "tiny"], 2, "tiny:2"),
         (["nonsense"], 2, "nonsense"),
     ],
@@ -353,6 +407,8 @@ EXAMPLES = [
 def test_every_example_of_the_help_runs(
     folder: Path, store: ModelStore, model: ShapeModel, clouds: list[PointCloud], example: str
 ) -> None:
+    if "--save" in example:
+        pytest.importorskip("rerun", reason="rerun-sdk is not installed: ./run test --all installs it")
     if any(word in example for word in ("s3://", " serve", " watch ", " record ", " jobs report ")):
         pytest.skip("needs a bucket or a worker, or never ends: other tests do so")
     for alias in ("production", "staging") * 2:
@@ -385,6 +441,83 @@ def test_every_example_of_the_help_runs(
     words = [found for word in shlex.split(command)[1:] for found in sorted(glob.glob(word)) or [word]]
     result = run(*words, stdin=Path(stdin).read_bytes() if stdin else None)
     assert result.exit_code == 0, result.output
+
+
+def test_no_command_is_listed_with_half_a_sentence() -> None:
+    for path, command in (*commands(), *commands(worker, ("worker",))):
+        if isinstance(command, click.Group):
+            shown = click.Context(command, info_name=" ".join(path), terminal_width=80, max_content_width=80)
+            said = command.get_help(shown).partition("Commands:")[2].partition("Examples:")[0]
+            assert "..." not in said, said
+            assert "(" not in said, said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["respond", "mm.ply"], "--unit mm"),
+        (["respond", "--scene", "ball.ply"], "without --scene"),
+        (["respond", "depth.png"], "--intrinsics"),
+        (["respond", "."], "It is a folder; give the clouds in it, such as *.ply."),
+        (["respond", "good.ply", "--html", "/proc/none.html"], "cannot be written"),
+        (["datasets", "show", "nothing"], "shape-concepts datasets list"),
+        (["jobs", "show", "nothing"], "shape-concepts jobs list"),
+        (["schedules", "show", "nothing"], "shape-concepts schedules list"),
+        (["models", "list", "--store", "good.ply"], "Give a folder"),
+        (["jobs", "submit", "--name", "toys"], "be such a job: give at least one of"),
+        (["jobs", "submit", "--name", "My Toys", "--simulate", "2"], "lower-case letters"),
+        (["watch", "robots/**", "--connect", "tcp/127.0.0.1:1"], "any of tcp/127.0.0.1:1. Is the router"),
+    ],
+)
+def test_the_commonest_mistakes_are_told_with_what_to_try(
+    folder: Path, clouds: list[PointCloud], arguments: list[str], says: str
+) -> None:
+    Path("mm.ply").write_bytes(write_ply(PointCloud((clouds[0].points * 1000).astype(np.float32))))
+    Path("depth.png").write_bytes(png(np.full((60, 80), 700, np.uint16)))
+    around = np.random.default_rng(1).normal(size=(2000, 3))
+    ball = (0.05 * around / np.linalg.norm(around, axis=1, keepdims=True) + [0, 0, 1]).astype(np.float32)
+    Path("ball.ply").write_bytes(write_ply(PointCloud(ball)))
+    result = run(*arguments)
+    assert result.exit_code > 0
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("Error: ")
+    assert says in last, last
+    assert "Traceback" not in result.stderr
+
+
+def test_a_port_in_use_is_said_before_anything_is_loaded(folder: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        for arguments, option in (
+            (("--port", port, "--grpc-port", "-1"), "--port"),
+            (("--port", "0", "--grpc-port", port), "--grpc-port"),
+        ):
+            result = run("serve", *arguments, "--store", "/nowhere")
+            assert result.exit_code == 1
+            (line,) = result.stderr.splitlines()
+            assert f"Port {port} of 127.0.0.1: address already in use" in line
+            assert f"with {option};" in line
+
+
+def test_a_store_without_a_model_is_told_where_one_was_named(folder: Path) -> None:
+    named = run("respond", "--store", "elsewhere", "--json", "good.ply")
+    assert (named.exit_code, "elsewhere holds no model" in named.stderr) == (0, True)
+    assert "holds no model" not in run("respond", "--model", "tiny", "--json", "good.ply").stderr
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("[", "SHAPE_CONCEPTS_STREAMS is no JSON"),
+        ('[{"ky": "a"}]', "SHAPE_CONCEPTS_STREAMS, 0, key: Field required"),
+    ],
+)
+def test_a_setting_in_json_is_told_with_the_place_of_its_fault(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, value: str, says: str
+) -> None:
+    monkeypatch.setenv("SHAPE_CONCEPTS_STREAMS", value)
+    result = run("models", "list")
+    assert (result.exit_code, says in result.stderr) == (2, True), result.stderr
 
 
 def test_help_comes_without_loading_the_engine_or_the_server() -> None:

@@ -1,14 +1,20 @@
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 
 from service.clouds import Viewpoint, read, write_ply
 from service.datasets import Datasets
 from service.engine.cloud import PointCloud
 from service.engine.errors import DatasetNotFound, InvalidParameter
+from service.engine.params import ModelParams
+from service.model_file import encode
+from tests.learnt import SIMULATION
+from worker.learning.train import train
 from worker.simulation import SimulationParams, simulate
 from worker.sources import Dataset, Folder, Joined, Simulation
 
@@ -128,3 +134,21 @@ def test_joined_sources_follow_one_another(datasets: Datasets, tmp_path: Path) -
         assert [key for key, _ in joined.refused] == ["broken.ply"]
     assert joined.count == 6
     assert joined.describe() == {"kind": "joined", "clouds": 6, "parts": [part.describe() for part in parts]}
+
+
+def test_clouds_that_are_yet_to_be_simulated_are_those_that_are_simulated() -> None:
+    source = Simulation(5, 3, SIMULATION)
+    made, unmade = list(source), list(source.unmade())
+    assert [each.key for each in unmade] == [each.key for each in made]
+    for one, other in zip(unmade, made, strict=True):
+        assert len(pickle.dumps(one)) < 5000 < len(pickle.dumps(other))
+        assert np.array_equal(pickle.loads(pickle.dumps(one)).cloud.points, other.cloud.points)
+
+
+def test_clouds_are_made_where_they_are_described_to_the_same_model_on_any_number_of_workers() -> None:
+    source = Simulation(12, 3, SIMULATION)
+    with parallel_config(backend="loky", n_jobs=1):
+        models = [train(source, ModelParams()).model, train(source.unmade(), ModelParams()).model]
+    with parallel_config(backend="loky", n_jobs=2):
+        models.append(train(source.unmade(), ModelParams()).model)
+    assert len({encode(model) for model in models}) == 1

@@ -5,12 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud
@@ -18,9 +17,11 @@ from service.engine.motifs import Constellations
 from service.engine.params import ModelParams
 from service.engine.perception import perceive
 from worker.learning.prototypes import draw_thumbnail
+from worker.learning.single import one_thread
 
 ROUND = 64  # clouds in memory at a time, at least
 EACH = 8  # or as many for each worker
+UNMADE = 4  # times as many where clouds are only made where they are described
 BYTES = 256 * 2**20  # but of points no more than these, and a cloud
 
 
@@ -29,6 +30,18 @@ class NamedCloud(NamedTuple):
 
     key: str
     cloud: PointCloud
+
+
+class Unmade(Protocol):
+    """A training cloud that is not there yet: small, and to be pickled in its stead."""
+
+    @property
+    def key(self) -> str:
+        """What it is called."""
+
+    @property
+    def cloud(self) -> PointCloud:
+        """Makes it."""
 
 
 @dataclass(frozen=True)
@@ -62,32 +75,35 @@ class Refusal(NamedTuple):
     error: InvalidCloud
 
 
-def observe(clouds: Iterable[NamedCloud], params: ModelParams) -> Iterator[Observation | Refusal]:
+def observe(clouds: Iterable[NamedCloud | Unmade], params: ModelParams) -> Iterator[Observation | Refusal]:
     """Perceives clouds, in their order, on as many workers as `joblib.parallel_config` says."""
     for batch in _rounds(clouds):
-        yield from Parallel()(delayed(_observe)(named, params) for named in batch)
+        yield from Parallel()(delayed(observe_one)(named, params) for named in batch)
 
 
-def _rounds(clouds: Iterable[NamedCloud]) -> Iterator[list[NamedCloud]]:
+def _rounds(clouds: Iterable[NamedCloud | Unmade]) -> Iterator[list[NamedCloud | Unmade]]:
     """The clouds that are in memory at a time."""
     most = max(ROUND, EACH * effective_n_jobs())
-    batch: list[NamedCloud] = []
-    size = 0
+    batch: list[NamedCloud | Unmade] = []
+    size = 0.0
     for named in clouds:
         batch.append(named)
-        size += named.cloud.points.nbytes
-        if len(batch) == most or size >= BYTES:
+        made = isinstance(named, NamedCloud)
+        size += max(1 / most, named.cloud.points.nbytes / BYTES) if made else 1 / (UNMADE * most)
+        if size >= 1 - 1e-9:
             yield batch
-            batch, size = [], 0
+            batch, size = [], 0.0
     if batch:
         yield batch
 
 
-def _observe(named: NamedCloud, params: ModelParams) -> Observation | Refusal:
-    digest = hashlib.sha256(np.ascontiguousarray(named.cloud.points).tobytes()).hexdigest()
-    with threadpool_limits(1):  # the processes share the cores already
+def observe_one(named: NamedCloud | Unmade, params: ModelParams) -> Observation | Refusal:
+    """Perceives a cloud."""
+    cloud = named.cloud
+    digest = hashlib.sha256(np.ascontiguousarray(cloud.points).tobytes()).hexdigest()
+    with one_thread():
         try:
-            seen = perceive(named.cloud, params)
+            seen = perceive(cloud, params)
         except InvalidCloud as error:
             return Refusal(named.key, error)
     return Observation(named.key, digest, seen.constellations, seen.descriptors, draw_thumbnail(seen.graph))

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import os
 
 import numpy as np
+from joblib import effective_n_jobs
 from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from service.engine.divergence import sparse_jsd
 from service.engine.space import TopologicalSpace
-from worker.learning.coarse import at_least, coarsen
+from worker.learning.boxes import boxes
+from worker.learning.coarse import project
+from worker.learning.spanning import Rows, spanning_tree
 
-LEVELS = (4, 8)  # of the coarse dimensions, 16 and 256, that pairs too far apart to matter are told by
-ROUNDING = 1e-9  # relative, of a lower bound
-SMALLEST = 1e-12  # and absolute: distances are sums that cancel to about 1e-15
-
-
-class _Rows(NamedTuple):
-    """Stimuli vectors as the rows of a sparse matrix, and what to divide each by so that it sums to 1."""
-
-    indptr: NDArray[np.integer]
-    indices: NDArray[np.integer]
-    data: NDArray[np.floating]
-    total: NDArray[np.float64]
+DIMENSIONS = 16  # by which pairs too far apart to matter are told
 
 
 def build_space(stimuli: csr_array) -> TopologicalSpace:
@@ -39,12 +31,65 @@ def build_space(stimuli: csr_array) -> TopologicalSpace:
     rows = csr_array(stimuli)
     if not rows.has_sorted_indices:
         rows = rows.sorted_indices()
-    total = _totals(rows)
-    near, nearer = (coarsen(rows, total, levels) for levels in LEVELS)
-    edges, distance = _prim(_Rows(rows.indptr, rows.indices, rows.data, total), rows.shape[1], near, nearer)
+    edges, distance = _tree(rows)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]
     return TopologicalSpace(edges, distance[order], _geodesic_sums(edges, rows.shape[0]))
+
+
+def _tree(rows: csr_array) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The tree's edges and lengths: that of all vectors that differ, and from each its equals.
+
+    Equal vectors are apart by rounding at most, and equally far from all others. Where they are nearer to one another
+    than to any, which only such as differ by rounding could prevent, their edges are therefore those of the tree; else
+    it is built without this knowledge.
+    """
+    total = _totals(rows)
+    threads = min(effective_n_jobs(), os.cpu_count() or 1)
+    given = Rows(rows.indptr, _unsigned(rows.indices), rows.data, total)
+    points = project(rows, total, DIMENSIONS, threads)
+    equal = _equals(rows, points)
+    if (equal != np.arange(len(equal))).any():
+        edges, distance = _tree_of(np.unique(equal), given, rows.shape[1], points, threads)
+        near = np.full(len(equal), np.inf)
+        np.minimum.at(near, edges, distance[:, None])
+        others = np.flatnonzero(equal != np.arange(len(equal)))
+        apart = np.array([_exact(rows, total, int(equal[i]), int(i)) for i in others])
+        if (apart < near[equal[others]]).all():
+            twins = np.stack([equal[others], others], axis=1)
+            return np.concatenate([edges, twins]), np.concatenate([distance, apart])
+    return _tree_of(np.arange(len(equal)), given, rows.shape[1], points, threads)
+
+
+def _tree_of(
+    vertices: NDArray[np.int64], rows: Rows, dimensions: int, points: NDArray[np.float64], threads: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    found = boxes(points[vertices])
+    return spanning_tree(rows, dimensions, found._replace(vertex=vertices[found.vertex]), threads)
+
+
+def _equals(rows: csr_array, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """For each vector (N,) the first that is equal to it; vectors of different coordinates are not."""
+    _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    equal = first[group.ravel()]
+    for i in np.flatnonzero(equal != np.arange(len(equal))).tolist():
+        a, b = (slice(rows.indptr[v], rows.indptr[v + 1]) for v in (i, equal[i]))
+        same = np.array_equal(rows.indices[a], rows.indices[b]) and np.array_equal(rows.data[a], rows.data[b])
+        equal[i] = equal[i] if same else i
+    return np.asarray(equal, dtype=np.int64)
+
+
+def _exact(rows: csr_array, total: NDArray[np.float64], i: int, j: int) -> float:
+    """The JSD of vectors i and j."""
+    dense, own = np.zeros(rows.shape[1]), slice(rows.indptr[i], rows.indptr[i + 1])
+    dense[rows.indices[own]] = rows.data[own] / total[i]
+    start, stop = int(rows.indptr[j]), int(rows.indptr[j + 1])
+    return float(sparse_jsd(dense, own.stop > own.start, rows.indices, rows.data, start, stop, float(total[j])))
+
+
+def _unsigned(indices: NDArray[np.integer]) -> NDArray[np.uint32]:
+    """Indices that need no look at their sign: comparing two vectors takes a third less time."""
+    return indices.view(np.uint32) if indices.dtype == np.int32 else indices.astype(np.uint32)
 
 
 def _totals(rows: csr_array) -> NDArray[np.float64]:
@@ -52,113 +97,6 @@ def _totals(rows: csr_array) -> NDArray[np.float64]:
     ends = zip(rows.indptr[:-1].tolist(), rows.indptr[1:].tolist(), strict=True)
     total = np.array([rows.data[start:stop].astype(np.float64).sum() for start, stop in ends])
     return np.where(total > 0, total, 1.0)
-
-
-@njit(cache=True, nogil=True)
-def _prim(
-    rows: _Rows, dimensions: int, near: NDArray[np.float64], nearer: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Prim's algorithm in O(N) memory; edges are compared by (distance, smaller vertex, larger vertex).
-
-    Lazy: how far a vertex is from the tree is known by a lower bound alone until that bound is the smallest there is.
-    The tree and its lengths are those that all distances give, bit for bit.
-    """
-    size = len(rows.total)
-    edges = np.empty((size - 1, 2), np.int64)
-    length = np.empty(size - 1, np.float64)
-    outside = np.arange(1, size)  # the vertices that are not in the tree yet
-    tree = np.zeros(size, np.int64)  # those that are, in their order
-    best = np.full(size, np.inf)  # exact distance from the first `known` of the tree
-    parent = np.zeros(size, np.int64)
-    known = np.zeros(size, np.int64)
-    least = np.full(size, np.inf)  # lower bound of the distance from the others of the tree
-    dense, bounds = np.zeros(dimensions), np.empty(size)
-    for step in range(size - 1):
-        newest, left = tree[step], size - 1 - step
-        for i in outside[:left]:
-            least[i] = min(least[i], _below(near, newest, i))
-        while True:
-            nearest, doubtful = 0, 0  # places in `outside`
-            for place in range(1, left):
-                i, j = outside[place], outside[nearest]
-                if best[i] < best[j] or (best[i] == best[j] and _before(parent[i], i, parent[j], j)):
-                    nearest = place
-                if least[i] < least[outside[doubtful]]:
-                    doubtful = place
-            i = outside[doubtful]
-            if least[i] > best[outside[nearest]]:
-                break
-            best[i], parent[i] = _closest(
-                i, tree[known[i] : step + 1], best[i], parent[i], rows, near, nearer, dense, bounds
-            )
-            known[i], least[i] = step + 1, np.inf
-        added = outside[nearest]
-        outside[nearest] = outside[left - 1]
-        a, b = parent[added], added
-        edges[step, 0], edges[step, 1], length[step] = min(a, b), max(a, b), best[added]
-        tree[step + 1] = added
-    return edges, length
-
-
-@njit(cache=True, nogil=True)
-def _closest(
-    i: int,
-    others: NDArray[np.int64],
-    best: float,
-    parent: int,
-    rows: _Rows,
-    near: NDArray[np.float64],
-    nearer: NDArray[np.float64],
-    dense: NDArray[np.float64],
-    bounds: NDArray[np.float64],
-) -> tuple[float, int]:
-    """The distance of vertex i from the closest of others, and which that is, if it is closer than `parent`.
-
-    `dense` is all zeros, before and after; `bounds` is room for as many numbers as there are others.
-    """
-    first = -1
-    for k in range(len(others)):
-        bounds[k] = _below(near, i, others[k])
-        if bounds[k] <= best:
-            bounds[k] = max(bounds[k], _below(nearer, i, others[k]))
-            if bounds[k] <= best and (first < 0 or bounds[k] < bounds[first]):
-                first = k
-    if first < 0:
-        return best, parent
-    start, stop = rows.indptr[i], rows.indptr[i + 1]
-    for k in range(start, stop):
-        dense[rows.indices[k]] = rows.data[k] / rows.total[i]
-    for turn in range(-1, len(others)):  # the most promising first: it spares most of the others
-        k = first if turn < 0 else turn
-        if bounds[k] <= best and (turn < 0 or k != first):
-            j = others[k]
-            d = _exact(dense, i, j, rows)
-            if d < best or (d == best and _before(i, j, i, parent)):
-                best, parent = d, j
-    for k in range(start, stop):
-        dense[rows.indices[k]] = 0.0
-    return best, parent
-
-
-@njit(cache=True, nogil=True)
-def _exact(dense: NDArray[np.float64], i: int, j: int, rows: _Rows) -> float:
-    """The JSD of vertices i, which lies in `dense`, and j."""
-    start, stop = rows.indptr[j], rows.indptr[j + 1]
-    filled = rows.indptr[i + 1] > rows.indptr[i]
-    return sparse_jsd(dense, filled, rows.indices, rows.data, start, stop, rows.total[j])
-
-
-@njit(cache=True, nogil=True)
-def _below(coarse: NDArray[np.float64], i: int, j: int) -> float:
-    """A lower bound of the distance that holds in spite of rounding."""
-    return at_least(coarse, i, j) * (1 - ROUNDING) - SMALLEST
-
-
-@njit(cache=True, nogil=True)
-def _before(a: int, b: int, c: int, d: int) -> bool:
-    """Whether the edge a-b stands before c-d."""
-    low, high = min(a, b), max(a, b)
-    return low < min(c, d) or (low == min(c, d) and high < max(c, d))
 
 
 @njit(cache=True, nogil=True)

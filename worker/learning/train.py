@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
-from threadpoolctl import threadpool_limits
 
 from service.engine.errors import NotEnoughSamples
 from service.engine.filtration import Filtration
@@ -23,8 +22,9 @@ from worker.learning.filtration import filtrate
 from worker.learning.hierarchy import grow_ensemble, sample
 from worker.learning.metric import learn_metric
 from worker.learning.novelty import learn_novelty
-from worker.learning.observations import NamedCloud, Observation, Refusal, observe
+from worker.learning.observations import NamedCloud, Observation, Refusal, Unmade, observe
 from worker.learning.prototypes import draw_map
+from worker.learning.single import one_thread
 from worker.learning.space import build_space
 from worker.learning.stimuli import stimulate_all
 
@@ -46,7 +46,7 @@ class Conceived(NamedTuple):
 
 
 def train(
-    clouds: Iterable[NamedCloud], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
+    clouds: Iterable[NamedCloud | Unmade], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
 ) -> Trained:
     """Learns dictionary, hierarchy ensemble and concepts from clouds.
 
@@ -54,7 +54,7 @@ def train(
     workers.
 
     Args:
-        clouds: of one object each, in an order that is part of the input.
+        clouds: of one object each, in an order that is part of the input; made by the workers where they are not yet.
         params: of every stage.
         seed: of the map's embedding, the only random draw of learning.
         on_stage: called as each stage begins.
@@ -71,7 +71,7 @@ def learn(
     objects: Sequence[Observation], params: ModelParams, seed: int = 0, on_stage: OnStage = ignore_stage
 ) -> ShapeModel:
     """Learns dictionary, hierarchy ensemble and concepts from objects that were observed; arguments as of `train`."""
-    with threadpool_limits(1):  # sums of the linear algebra must not depend on the number of threads
+    with one_thread():
         on_stage("dictionary")
         dictionary = learn_dictionary(np.concatenate([o.segment_descriptors for o in objects]), params.dictionary)
 
@@ -119,7 +119,9 @@ def conceive(stimuli: csr_array, params: ModelParams, on_stage: OnStage = ignore
     return Conceived(space, filtration, learn_metric(stimuli, params.response), notes)
 
 
-def _observe_all(clouds: Iterable[NamedCloud], params: ModelParams) -> tuple[list[Observation], tuple[Refusal, ...]]:
+def _observe_all(
+    clouds: Iterable[NamedCloud | Unmade], params: ModelParams
+) -> tuple[list[Observation], tuple[Refusal, ...]]:
     seen = list(observe(clouds, params))
     objects = [result for result in seen if isinstance(result, Observation)]
     refused = tuple(result for result in seen if isinstance(result, Refusal))

@@ -91,12 +91,21 @@ def simulate(
         raise InvalidParameter(f"count and seed are not negative; they were {count} and {seed}.")
     if workers is not None and workers < 1:
         raise InvalidParameter(f"The number of workers is at least 1; it was {workers}.")
-    if chosen.renderer == "sapien":
+    require_renderer(chosen)
+    return _simulate(count, seed, chosen, workers, on_object or (lambda _: None))
+
+
+def require_renderer(params: SimulationParams) -> None:
+    """Makes sure that objects can be rendered.
+
+    Raises:
+        RendererUnavailable: SAPIEN is to render, and cannot here.
+    """
+    if params.renderer == "sapien":
         from worker.simulation.scene import unavailable
 
         if reason := unavailable():
             raise RendererUnavailable(reason)
-    return _simulate(count, seed, chosen, workers, on_object or (lambda _: None))
 
 
 def _simulate(

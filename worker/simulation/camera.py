@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from worker.simulation.compositions import Composition
 from worker.simulation.params import CameraParams
 from worker.simulation.primitives import Mesh
+
+CLOSE = 1e-3  # metres: nothing nearer to the camera is projected
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,29 @@ def draw_view(composition: Composition, params: CameraParams, rng: np.random.Gen
     return View(pose)
 
 
-def rays(params: CameraParams) -> NDArray[np.float64]:
-    """(H, W, 3) what each pixel's middle looks along, in the camera's frame, with z = 1."""
-    u = (np.arange(params.width) + 0.5 - params.width / 2) / params.focal
-    v = (np.arange(params.height) + 0.5 - params.height / 2) / params.focal
-    return np.stack([*np.meshgrid(u, v), np.ones((params.height, params.width))], axis=-1)
+Window = tuple[slice, slice]
+"""Rows and columns of an image."""
+
+EVERYTHING: Window = (slice(None), slice(None))
+
+
+def rays(params: CameraParams, window: Window = EVERYTHING) -> NDArray[np.float64]:
+    """(h, w, 3) what the middle of each pixel of a window looks along, in the camera's frame, with z = 1."""
+    u = ((np.arange(params.width) + 0.5 - params.width / 2) / params.focal)[window[1]]
+    v = ((np.arange(params.height) + 0.5 - params.height / 2) / params.focal)[window[0]]
+    out = np.ones((len(v), len(u), 3))
+    out[..., 0], out[..., 1] = u, v[:, None]
+    return out
+
+
+def window_of(meshes: Sequence[Mesh], params: CameraParams) -> Window:
+    """The pixels that meshes in the camera's frame can be seen in; all of them if a mesh reaches behind the camera."""
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    if vertices[:, 2].min() <= CLOSE:
+        return EVERYTHING
+    across = vertices[:, :2] / vertices[:, 2:] * params.focal
+    spans = []
+    for axis, size in ((1, params.height), (0, params.width)):
+        low, high = across[:, axis].min() + size / 2, across[:, axis].max() + size / 2
+        spans.append(slice(int(np.clip(low - 1, 0, size)), int(np.clip(high + 2, 0, size))))
+    return spans[0], spans[1]

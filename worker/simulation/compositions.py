@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -46,12 +47,19 @@ class Prototype:
 
     def surface(self) -> NDArray[np.float64]:
         """(S, 3) points spread evenly over the surface, in the composition's frame."""
-        return self.primitive.surface() @ self.pose[:3, :3].T + self.pose[:3, 3]
+        return _surface_of(self.primitive) @ self.pose[:3, :3].T + self.pose[:3, 3]
 
     def mesh(self, chord: float) -> Mesh:
         """The surface as triangles in the composition's frame, nowhere more than `chord` metres off."""
         vertices, triangles = self.primitive.mesh(chord)
         return Mesh(vertices @ self.pose[:3, :3].T + self.pose[:3, 3], triangles)
+
+
+@lru_cache(maxsize=64)  # an object's, each of which is placed, and looked at, many times
+def _surface_of(primitive: Primitive) -> NDArray[np.float64]:
+    points = primitive.surface()
+    points.flags.writeable = False
+    return points
 
 
 @dataclass(frozen=True)

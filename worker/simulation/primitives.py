@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +31,9 @@ class Mesh(NamedTuple):
 
 class Primitive(Protocol):
     """What box, cylinder and sphere have in common; points are (N, 3) metres in the primitive's frame."""
+
+    def __hash__(self) -> int:
+        """Equal blocks have equal surfaces."""
 
     @property
     def face_count(self) -> int:
@@ -212,10 +216,13 @@ def _stacked(triangles: Sequence[tuple[NDArray[np.int64], ...]]) -> NDArray[np.i
     return np.concatenate([np.stack(corner, axis=1) for corner in triangles])
 
 
+@cache
 def _even_pairs(count: int) -> NDArray[np.float64]:
     """(count, 2) evenly spread over the unit square: the Kronecker sequence of the plastic number."""
     plastic = 1.32471795724474602596
-    return (0.5 + np.outer(np.arange(count), [1 / plastic, 1 / plastic**2])) % 1.0
+    pairs: NDArray[np.float64] = (0.5 + np.outer(np.arange(count), [1 / plastic, 1 / plastic**2])) % 1.0
+    pairs.flags.writeable = False
+    return pairs
 
 
 def _choose_face(areas: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:

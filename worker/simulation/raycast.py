@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import open3d as o3d
 
-from worker.simulation.camera import DepthImage, View, rays
+from worker.simulation.camera import DepthImage, View, rays, window_of
 from worker.simulation.compositions import Composition
 from worker.simulation.params import CameraParams
 
@@ -14,12 +14,18 @@ def render(composition: Composition, view: View, params: CameraParams, chord: fl
     """The depth image of a composition; arguments as of `worker.simulation.scene.render`."""
     from_numpy = o3d.core.Tensor.from_numpy
     scene = o3d.t.geometry.RaycastingScene()
-    for mesh in view.meshes(composition, chord):
+    meshes = view.meshes(composition, chord)
+    for mesh in meshes:
         scene.add_triangles(from_numpy(mesh.vertices.astype(np.float32)), from_numpy(mesh.triangles.astype(np.uint32)))
-    directions = rays(params).astype(np.float32)
-    hits = scene.cast_rays(from_numpy(np.concatenate([np.zeros_like(directions), directions], axis=-1)))
+    window = window_of(meshes, params)
+    directions = rays(params, window)
+    beams = np.zeros((*directions.shape[:2], 6), np.float32)
+    beams[..., 3:] = directions
+    hits = scene.cast_rays(from_numpy(beams), nthreads=1)  # the processes share the cores already
     # Rays have z = 1, so the distance along a ray in units of its length is the depth.
-    depth = hits["t_hit"].numpy().astype(np.float64)
-    missed = ~np.isfinite(depth)
-    labels = hits["geometry_ids"].numpy().astype(np.int64)
-    return DepthImage(np.where(missed, 0.0, depth), np.where(missed, -1, labels))
+    reached = hits["t_hit"].numpy()
+    missed = ~np.isfinite(reached)
+    depth, labels = np.zeros((params.height, params.width)), np.full((params.height, params.width), -1)
+    depth[window] = np.where(missed, 0.0, reached)
+    labels[window] = np.where(missed, -1, hits["geometry_ids"].numpy().astype(np.int64))
+    return DepthImage(depth, labels)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from service.engine.errors import RendererUnavailable
-from worker.simulation.camera import DepthImage, View
+from worker.simulation.camera import DepthImage, View, window_of
 from worker.simulation.compositions import Composition, Prototype
 from worker.simulation.params import CameraParams
 
@@ -71,6 +71,7 @@ class _Scene:
         except ImportError as error:
             raise RendererUnavailable(f"SAPIEN cannot be loaded ({error}). Install it, or choose `raycast`.") from error
         self.sapien: Any = sapien
+        self.params = params
         sapien.render.set_log_level("error")
         sapien.render.set_camera_shader_dir("trivial")  # exact float32 positions; "minimal" cuts to millimetres
         try:
@@ -87,7 +88,8 @@ class _Scene:
         self.material = sapien.render.RenderMaterial()
 
     def render(self, composition: Composition, view: View, chord: float) -> DepthImage:
-        entities = [self._entity(mesh.vertices, mesh.triangles) for mesh in view.meshes(composition, chord)]
+        meshes = view.meshes(composition, chord)
+        entities = [self._entity(mesh.vertices, mesh.triangles) for mesh in meshes]
         try:
             self.scene.update_render()
             self.camera.take_picture()
@@ -97,11 +99,13 @@ class _Scene:
         finally:
             for entity in entities:
                 self.scene.remove_entity(entity)
-        seen = segmentation[..., 1]
-        labels = np.full(seen.shape, -1, dtype=np.int64)
+        window = window_of(meshes, self.params)
+        seen = segmentation[..., 1][window]
+        depth, labels = np.zeros(segmentation.shape[:2]), np.full(segmentation.shape[:2], -1)
         for index, number in enumerate(numbers):
-            labels[seen == number] = index
-        return DepthImage(np.where(labels >= 0, -position[..., 2].astype(np.float64), 0.0), labels)
+            labels[window][seen == number] = index
+        depth[window] = np.where(labels[window] >= 0, -position[..., 2][window].astype(np.float64), 0.0)
+        return DepthImage(depth, labels)
 
     def _entity(self, vertices: np.ndarray, triangles: np.ndarray) -> Any:
         # The camera stays at the origin, which SAPIEN has look along x with y to the left and z up.

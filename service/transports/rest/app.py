@@ -17,10 +17,14 @@ from service.transports.rest import (
     jobs,
     models,
     names,
+    objects,
     observing,
+    page,
+    points,
     problems,
     responses,
     schedules,
+    streams,
 )
 from service.transports.rest.encodings import Decoding
 from service.transports.rest.known import Known
@@ -44,17 +48,21 @@ def create_app(application: Application) -> FastAPI:
     app.add_middleware(GZipMiddleware, minimum_size=WORTHWHILE, compresslevel=5)
     app.add_middleware(observing.Observing, application=application)
     problems.install(app)
+    app.include_router(page.router())
     app.include_router(health.router(application))
     app.include_router(observing.router(application), dependencies=[access.needing(application, "manage")])
     for module, entering in (
         (responses, access.needing(application, "answer")),
         (batches, access.needing(application, "answer")),
+        (points, access.needing(application, "answer")),
+        (objects, access.reading(application, otherwise="manage")),
         (models, access.reading(application, otherwise="manage")),
         (names, access.reading(application, otherwise="manage")),
         (datasets, access.reading(application, "answer", "train", otherwise="train")),
         (dataset_uploads, access.reading(application, "answer", "train", otherwise="train")),
         (jobs, access.reading(application, "answer", "train", otherwise="train")),
         (schedules, access.reading(application, "answer", "train", otherwise="train")),
+        (streams, access.reading(application, otherwise="manage")),
     ):
         app.include_router(
             module.router(application), dependencies=[entering], responses=problems.refused(401, 403, 429)

@@ -119,6 +119,8 @@ CONCEPTS: dict[str, Any] = {
     "thumbnails": "/v1/models/default/versions/1/objects/{object}.png",
 }
 
+LABELS: dict[str, Any] = {"model": "workshop", "version": 3, "labelled": 2, "categories": ["mug", None, "bowl"]}
+
 BARCODE: dict[str, Any] = {
     "model": "default",
     "version": 1,

@@ -43,6 +43,21 @@ ViewpointQuery = Annotated[
         examples=["0.0,-0.4,-0.9"],
     ),
 ]
+IntrinsicsQuery = Annotated[
+    str | None,
+    Query(
+        max_length=200,
+        description="of the camera of a depth image: fx,fy,cx,cy, pixels; its pixels are numbered row by row",
+        examples=["525,525,319.5,239.5"],
+    ),
+]
+DepthScaleQuery = Annotated[
+    float | None,
+    Query(
+        gt=0,
+        description="metres that a depth of 1 stands for; by default 0.001 for whole numbers and 1 for floats",
+    ),
+]
 
 Name = Annotated[str, Path(pattern=f"^{NAME}$", max_length=63, description="of the model", examples=["default"])]
 Reference = Annotated[

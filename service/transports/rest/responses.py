@@ -22,6 +22,8 @@ from service.transports.rest.known import remembered
 from service.transports.rest.problems import documented
 from service.transports.rest.queries import (
     AliasQuery,
+    DepthScaleQuery,
+    IntrinsicsQuery,
     ModelQuery,
     TimeQuery,
     TopQuery,
@@ -76,7 +78,7 @@ _FORM: dict[str, Any] = {
         },
     }
 }
-_BODY = {
+BODY: dict[str, Any] = {
     "required": True,
     "description": "The file of a cloud, as the body itself or in the field `cloud` of a form: "
     + "; ".join(f"{entry.title} (`{entry.media_types[0]}`)" for entry in FORMATS.values())
@@ -109,7 +111,7 @@ def router(application: Application) -> APIRouter:
             200: {"content": {"application/json": {"examples": _ANSWERS}}},
         },
         response_model=Answer | SceneAnswer,
-        openapi_extra={"requestBody": _BODY},
+        openapi_extra={"requestBody": BODY},
     )
     @remembered("answer")
     async def respond(
@@ -121,21 +123,8 @@ def router(application: Application) -> APIRouter:
         top: TopQuery = None,
         unit: UnitQuery = None,
         viewpoint: ViewpointQuery = None,
-        intrinsics: Annotated[
-            str | None,
-            Query(
-                max_length=200,
-                description="of the camera of a depth image: fx,fy,cx,cy, pixels; its pixels are numbered row by row",
-                examples=["525,525,319.5,239.5"],
-            ),
-        ] = None,
-        depth_scale: Annotated[
-            float | None,
-            Query(
-                gt=0,
-                description="metres that a depth of 1 stands for; by default 0.001 for whole numbers and 1 for floats",
-            ),
-        ] = None,
+        intrinsics: IntrinsicsQuery = None,
+        depth_scale: DepthScaleQuery = None,
         detail: DetailQuery = None,
         stimuli: Annotated[
             bool, Query(description="whether the answer has the stimuli vector as well, as `detail=stimuli`")

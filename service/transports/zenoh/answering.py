@@ -12,6 +12,7 @@ from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
+import numpy as np
 import zenoh
 from zenoh.handlers import Callback
 
@@ -19,6 +20,9 @@ from service.application import Application, CloudFile, parse_viewpoint
 from service.clouds import DepthCamera, Viewpoint, parse_camera
 from service.clouds.formats import by_content
 from service.engine.errors import InvalidParameter, Overloaded
+from service.live import POINTS, ShownCloud, shown
+from service.looking import Drawing
+from service.scene_answer import SceneAnswer
 from service.streams import Stream
 from service.transports.errors import MEDIA_TYPE
 from service.transports.zenoh.attachments import mask_of
@@ -27,6 +31,7 @@ from service.transports.zenoh.newest import Newest, Taken
 from service.transports.zenoh.problems import check_size, problem_of
 from service.transports.zenoh.queries import JSON
 from service.transports.zenoh.replicas import Replicas
+from service.transports.zenoh.showing import Showing
 from service.transports.zenoh.source import Source, attachment_of, ros_header, source_of
 
 log = logging.getLogger(__name__)
@@ -36,6 +41,22 @@ PAUSE = 0.05  # seconds between attempts to get a place in the pool
 SETTLING = 0.5  # seconds in which the other replicas learn that there is one more
 LOGGED = 10.0  # seconds between two lines of the log about drops
 BODY = Viewpoint(orientation=(0.5, -0.5, 0.5, -0.5))  # of a sensor whose cloud has x forward, y left, z up
+
+
+class Told(NamedTuple):
+    """What is said about a cloud.
+
+    Attributes:
+        document: the answer, or a problem document.
+        encoding: which of the two.
+        source: where the cloud comes from, with what it says of that itself.
+        parts: the segment, or object of a scene, of each point that is drawn; None where nobody wants to know.
+    """
+
+    document: dict[str, Any]
+    encoding: str
+    source: Source
+    parts: list[int] | None = None
 
 
 class Sent(NamedTuple):
@@ -99,6 +120,9 @@ class Answering:
         self._loop = asyncio.get_running_loop()
         self._streams = others
         self._replicas = await asyncio.to_thread(Replicas, self._session, self._stream)
+        self._showing = await asyncio.to_thread(
+            Showing, self._application.live, self._session, self._stream, self._loop
+        )
         await asyncio.sleep(SETTLING)  # the others leave us our share before we begin: better missed than twice
         self._subscriber = await asyncio.to_thread(
             self._session.declare_subscriber, self._key, Callback(self._arrived, indirect=False)
@@ -110,6 +134,7 @@ class Answering:
         await asyncio.to_thread(self._subscriber.undeclare)
         self._newest.clear()
         await asyncio.gather(*map(asyncio.wrap_future, list(self._workers)), return_exceptions=True)
+        await asyncio.to_thread(self._showing.close)
         await asyncio.to_thread(self._replicas.close)
 
     def _arrived(self, sample: zenoh.Sample) -> None:
@@ -176,29 +201,33 @@ class Answering:
                 await asyncio.sleep(PAUSE)
 
     async def _answer(self, taken: Taken[Sent]) -> None:
-        source = taken.item.source
+        source, drawing = taken.item.source, Drawing(POINTS) if self._showing.wanted else None
         with self._application.telemetry.request("zenoh", str(uuid.uuid4()), "stream") as seen:
             try:
-                document, source = await self._application.pool.run(self._respond, taken.item)
-                encoding = JSON
+                told = await self._application.pool.run(self._respond, taken.item, drawing)
             except Exception as error:
                 seen.failed(error)
-                document, encoding = problem_of(error, source.key, seen.request_id), MEDIA_TYPE
-        document |= {"source": source.told(), "dropped": taken.dropped}
+                told = Told(problem_of(error, source.key, seen.request_id), MEDIA_TYPE, source)
+        document = told.document | {"source": told.source.told(), "dropped": taken.dropped}
         self._tell_drops(source.key, taken.dropped)
         try:
             await asyncio.to_thread(
                 self._session.put,
                 self._stream.answers_on(source.key),
                 json.dumps(document),
-                encoding=encoding,
+                encoding=told.encoding,
                 attachment=taken.item.attachment,
             )
         except zenoh.ZError as error:
             log.warning("an answer to %s could not be published: %s", source.key, error)
+        if drawing is not None:
+            cloud = drawn_cloud(drawing, told.parts)
+            problem = told.encoding == MEDIA_TYPE
+            now = shown(self._stream, source.key, document, problem=problem, cloud=cloud)
+            await asyncio.to_thread(self._showing.show, now)
 
-    def _respond(self, sent: Sent) -> tuple[dict[str, Any], Source]:
-        """The answer to a cloud, and its source with what the cloud itself says of it."""
+    def _respond(self, sent: Sent, drawing: Drawing | None) -> Told:
+        """The answer to a cloud."""
         if isinstance(sent.payload, Exception):
             raise sent.payload
         stream, source = self._stream, sent.source
@@ -208,8 +237,10 @@ class Answering:
             source = source._replace(frame_id=header.frame_id, stamp_ns=header.stamp_ns)
         cloud = CloudFile(data, format, unit=stream.unit, viewpoint=self._pose, camera=self._camera, mask=sent.mask)
         respond = self._application.respond_scene if stream.scene else self._application.respond
-        answer = respond(cloud, model=stream.model, time=stream.time, top=stream.top)
-        return answer.model_dump(mode="json"), source
+        answer = respond(cloud, model=stream.model, time=stream.time, top=stream.top, drawing=drawing)
+        parts = answer.point_objects if isinstance(answer, SceneAnswer) else answer.point_segments
+        document = answer.model_dump(mode="json", exclude={"point_segments", "point_objects"})
+        return Told(document, JSON, source, parts)
 
     def _tell_drops(self, key: str, dropped: int) -> None:
         """Logs drops, not more often than every few seconds."""
@@ -220,6 +251,19 @@ class Answering:
             told = ", ".join(f"{count} of {name}" for name, count in list(self._dropped.items())[:20])
             log.warning("clouds dropped for newer ones: %s", told)
             self._dropped, self._logged = {}, clock.monotonic()
+
+
+def drawn_cloud(drawing: Drawing, parts: list[int] | None) -> ShownCloud | None:
+    """What is shown of a cloud; None if it could not be read.
+
+    Args:
+        drawing: what is drawn of it.
+        parts: the segment or object of each drawn point, -1 for none; None if that is not known.
+    """
+    if (drawn := drawing.drawn) is None:
+        return None
+    numbers = np.full(len(drawn.points), -1) if parts is None else np.asarray(parts)
+    return ShownCloud(drawn.points, np.clip(numbers, -1, 2**15 - 1).astype(np.int16), drawn.measured)
 
 
 def pose_of(stream: Stream) -> Viewpoint | None:

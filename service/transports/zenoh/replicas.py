@@ -31,7 +31,7 @@ class Replicas:
         self._own = str(session.zid())
         self._living = frozenset({self._own})
         self._lock = threading.Lock()
-        name = hashlib.sha256(stream.model_dump_json().encode()).hexdigest()[:16]
+        name = name_of(stream)
         self._token = session.liveliness().declare_token(f"{REPLICAS}/{self._own}/streams/{name}")
         self._subscriber = session.liveliness().declare_subscriber(
             f"{REPLICAS}/*/streams/{name}", Callback(self._seen, indirect=False), history=True
@@ -58,6 +58,11 @@ class Replicas:
                 self._living |= {replica}
             elif replica != self._own:
                 self._living -= {replica}
+
+
+def name_of(stream: Stream) -> str:
+    """What a stream is called in keys: the same for all replicas that have it, word for word."""
+    return hashlib.sha256(stream.model_dump_json().encode()).hexdigest()[:16]
 
 
 def owner(replicas: frozenset[str], item: bytes) -> str:

@@ -98,6 +98,7 @@ async def _answering(application: Application, session: zenoh.Session) -> AsyncI
             answering = Answering(application, session, stream, turns)
             await answering.open(list(settings.streams))
             stack.push_async_callback(answering.close)
+        stack.enter_context(application.live.answering())
         token = session.liveliness().declare_token(f"{REPLICAS}/{session.zid()}")
         stack.callback(token.undeclare)
         log.info("zenoh: answering as %s", session.zid())

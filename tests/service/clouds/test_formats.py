@@ -76,7 +76,7 @@ def test_no_two_formats_share_an_ending_or_a_media_type():
         assert len(every) == len(set(every))
 
 
-def test_the_readme_names_every_format_that_is_read():
-    readme = (ROOT / "README.md").read_text()
+def test_the_documents_name_every_format_that_is_read():
+    page = (ROOT / "docs" / "interfaces.md").read_text()
     for entry in FORMATS.values():
-        assert f"`{entry.media_types[0]}`" in readme, entry.name
+        assert f"`{entry.media_types[0]}`" in page, entry.name

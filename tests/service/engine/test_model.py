@@ -22,6 +22,8 @@ from service.engine.cloud import PointCloud
 from service.engine.errors import Cancelled, InvalidCloud, InvalidParameter
 from service.engine.model import Response, ShapeModel
 from service.engine.params import ModelParams, ResponseParams
+from service.engine.perception import perceive
+from service.engine.stimuli import stimulate
 from tests.learnt import PRESETS, learnt, named_clouds, objects
 from tests.shapes import about_optical_axis, box, can, cloud_of, corner_view, cube, lid_view, look, see
 from worker.learning.train import train
@@ -211,6 +213,17 @@ def test_the_objects_of_a_concept_are_nearer_to_it_than_all_others_are(preset: s
             inside = np.isin(np.arange(len(table)), spectrum.members(concept))
             if not inside.all():
                 assert table[inside, concept].mean() < table[~inside, concept].mean()
+
+
+def test_unions_that_weigh_nothing_change_nothing_of_the_answer():
+    assert not model().params.unions_count
+    for points in unknown():
+        seen = perceive(cloud_of(points), model().params)
+        words = model().dictionary.words(seen.segment_descriptors)
+        fully = stimulate(model().ensemble, seen.constellations, seen.descriptors, words, model().params.stimuli)
+        stimuli = answer(points).stimuli
+        assert np.array_equal(stimuli.indices, fully.indices)
+        assert np.allclose(stimuli.values, fully.values, rtol=1e-6)
 
 
 def test_any_time_of_the_spectrum_can_be_asked_for():

@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from service.engine.errors import InvalidParameter
-from service.engine.params import ModelParams, StimuliParams
+from service.engine.params import HierarchyParams, ModelParams, StimuliParams
 
 STAGES = {name: field.annotation for name, field in ModelParams.model_fields.items()}
 FIELDS = [(s, n, f) for s, stage in STAGES.items() for n, f in stage.model_fields.items()]
@@ -70,3 +70,11 @@ def test_numbers_that_are_none_are_refused(stage: str, name: str):
     for nonsense in (float("nan"), float("-inf"), -1e12, "many"):
         with pytest.raises(ValidationError):
             ModelParams.model_validate({stage: {name: nonsense}})
+
+
+def test_unions_count_wherever_they_excite_anything():
+    assert not ModelParams().unions_count
+    assert ModelParams.preset("paper").unions_count
+    assert ModelParams(stimuli=StimuliParams(union_weight=0.5)).unions_count
+    assert ModelParams(stimuli=StimuliParams(gating="kernel")).unions_count
+    assert ModelParams(hierarchy=HierarchyParams(whole_apart=False)).unions_count

@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
@@ -37,6 +38,19 @@ def all_distances(stimuli: csr_array) -> NDArray[np.float64]:
             else:
                 out[i, j] = out[j, i] = jensenshannon(rows[i], rows[j]) ** 2
     return out
+
+
+def exact_distances(rows: csr_array) -> NDArray[np.float64]:
+    """Every distance of every two vectors, by the function that the tree uses."""
+    size, total = rows.shape[0], np.array([r.astype(np.float64).sum() for r in np.split(rows.data, rows.indptr[1:-1])])
+    total = np.where(total > 0, total, 1.0)
+    distances = np.zeros((size, size))
+    for i in range(size):
+        p = rows[[i]].toarray().ravel() / total[i]
+        for j in range(size):
+            start, stop = int(rows.indptr[j]), int(rows.indptr[j + 1])
+            distances[i, j] = sparse_jsd(p, bool(p.any()), rows.indices, rows.data, start, stop, total[j])
+    return distances
 
 
 def kruskal(distances: NDArray[np.float64]) -> list[tuple[int, int]]:
@@ -179,19 +193,55 @@ def mixture(seed: int, size: int, dimensions: int = 200) -> csr_array:
 @pytest.mark.parametrize("stimuli", [mixture(0, 220), mixture(1, 90), sparse(9, 120), sparse(10, 120, fill=0.02)])
 def test_what_the_bounds_spare_changes_no_bit_of_the_tree(stimuli: csr_array):
     """The slow plain twin: the exact distance of every two vectors, and Kruskal's algorithm."""
-    rows = csr_array(stimuli)
-    size, total = rows.shape[0], np.array([r.astype(np.float64).sum() for r in np.split(rows.data, rows.indptr[1:-1])])
-    total = np.where(total > 0, total, 1.0)
-    distances = np.zeros((size, size))
-    for i in range(size):
-        p = rows[[i]].toarray().ravel() / total[i]
-        for j in range(i):
-            start, stop = int(rows.indptr[j]), int(rows.indptr[j + 1])
-            distances[i, j] = sparse_jsd(p, bool(p.any()), rows.indices, rows.data, start, stop, total[j])
-            distances[j, i] = distances[i, j]
+    distances = exact_distances(stimuli)
     space = build_space(stimuli)
     assert list(map(tuple, space.edges.tolist())) == kruskal(distances)
     assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
+
+
+@pytest.mark.parametrize("stimuli", [mixture(2, 60), sparse(11, 40), sparse(12, 40, fill=0.05)])
+def test_a_distance_is_the_same_from_either_end_and_none_from_itself(stimuli: csr_array):
+    distances, true = exact_distances(stimuli), all_distances(stimuli)
+    assert np.array_equal(distances, distances.T)
+    assert not np.diag(distances).any()
+    assert np.allclose(distances, true, rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_the_tree_is_the_same_for_any_number_of_threads(threads: int):
+    """Enough vectors for many shares, of which many are equal and many others as good as equal."""
+    rng = np.random.default_rng(4)
+    rows = mixture(3, 700).toarray()
+    rows[300:400] = rows[rng.integers(300, size=100)]
+    rows[400:500] = rows[rng.integers(300, size=100)] * (1 + 1e-6 * rng.standard_normal((100, rows.shape[1])))
+    stimuli = csr_array(np.maximum(rows, 0).astype(np.float32))
+    with parallel_config(backend="threading", n_jobs=1):
+        alone = build_space(stimuli)
+    with parallel_config(backend="threading", n_jobs=threads):
+        shared = build_space(stimuli)
+    assert np.array_equal(alone.edges, shared.edges)
+    assert np.array_equal(alone.distance, shared.distance)
+    distances = exact_distances(stimuli)
+    assert list(map(tuple, alone.edges.tolist())) == kruskal(distances)
+    assert np.array_equal(alone.distance, distances[tuple(alone.edges.T)])
+
+
+def test_vectors_that_differ_by_rounding_are_told_apart_from_equal_ones():
+    """Equal, proportional and next to equal vectors: the tree is that of all distances all the same."""
+    base = mixture(5, 9).toarray()[:1]
+    rows = np.concatenate([base, base, 3 * base, np.nextafter(base, np.float32(9)), base, 7 * base, 3 * base])
+    stimuli = csr_array(rows.astype(np.float32))
+    distances = exact_distances(stimuli)
+    space = build_space(stimuli)
+    assert list(map(tuple, space.edges.tolist())) == kruskal(distances)
+    assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
+
+
+def test_thousands_of_equal_vectors_cost_no_more_than_one():
+    rows = np.repeat(sparse(13, 5, dimensions=50, fill=1.0).toarray(), 4000, axis=0)
+    space = build_space(csr_array(rows))
+    assert (space.distance == 0).sum() == 5 * 3999
+    assert (np.bincount(space.edges.ravel()) >= 3999).sum() == 5
 
 
 def test_the_matrix_of_all_distances_is_never_held():

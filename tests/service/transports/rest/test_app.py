@@ -59,7 +59,7 @@ class TestWithoutStore:
 @pytest.mark.parametrize(
     ("method", "path", "status", "kind"),
     [
-        ("GET", "/", 404, "not-found"),
+        ("GET", "/elsewhere", 404, "not-found"),
         ("GET", "/v1/nothing", 404, "not-found"),
         ("GET", "/v1/responses", 405, "method-not-allowed"),
         ("DELETE", "/v1/models", 405, "method-not-allowed"),
@@ -175,7 +175,7 @@ def test_every_field_and_parameter_is_described(client: httpx.Client) -> None:
                 assert parameter["description"], parameter["name"]
 
 
-HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names")
+HELD = ("/concepts", "/barcode", "/annexations", "/tree", "/names", "/labels")
 
 
 def asked_of_datasets(client: httpx.Client, cloud: str) -> dict[str, httpx.Response]:
@@ -247,6 +247,7 @@ def test_real_answers_fit_the_description(client: httpx.Client, application: App
         "post /v1/jobs/{job}/retry": client.post("/v1/jobs/one/retry"),
         "get /v1/jobs/{job}/logs": client.get("/v1/jobs/one/logs"),
         **asked_of_datasets(client, example),
+        "get /v1/streams": client.get("/v1/streams"),
         "get /healthz": client.get("/healthz"),
         "get /readyz": client.get("/readyz"),
     }

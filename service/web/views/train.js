@@ -1,0 +1,29 @@
+/**
+ * Train: clouds are kept in datasets, jobs learn models from them, and versions are judged, promoted and taken back.
+ *
+ * Each panel is a module of train/. `shared` carries what one of them has changed: "datasets", "jobs", "models",
+ * "schedules".
+ */
+import { h } from "../parts/elements.js";
+import { datasetsPanel } from "./train/datasets.js";
+import { jobsPanel } from "./train/jobs.js";
+import { schedulesPanel } from "./train/schedules.js";
+import { submissionPanel } from "./train/submission.js";
+import { versionsPanel } from "./train/versions.js";
+
+/** @param {HTMLElement} root @param {import("../place.js").Place} place */
+export function show(root, place) {
+  const leaving = new AbortController();
+  const context = { place, shared: new EventTarget(), signal: leaving.signal };
+  const makers = [datasetsPanel, submissionPanel, jobsPanel, versionsPanel, schedulesPanel];
+  const panels = makers.map((make) => make(context));
+  const [datasets, submission, jobs, versions, schedules] = panels.map((panel) => panel.element);
+  root.append(
+    h("h1", { class: "unseen" }, "Train"),
+    h("div", { class: "train" }, h("div", {}, datasets, submission), h("div", {}, jobs, versions, schedules)),
+  );
+  return {
+    changed: () => panels.forEach((panel) => panel.changed?.()),
+    leave: () => leaving.abort(),
+  };
+}
