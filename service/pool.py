@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 BURST = 0.1  # seconds for which some may wait all the time before it is taken for more than a burst
-STANDING = 4  # requests a worker that may wait then
+STANDING = 3  # requests a worker that may wait then
 
 
 class Intake:

@@ -87,7 +87,12 @@ class Settings(BaseSettings):
         le=1024,
         description="clouds answered at the same time, threads",
     )
-    queue: int = Field(32, ge=0, description="requests that may wait for a worker before others are refused, requests")
+    queue: int = Field(
+        32,
+        ge=0,
+        description="requests of a burst that may wait for a worker before others are refused; where some have waited "
+        "all the time, three a worker may, requests",
+    )
     max_body: int = Field(128 * MEBIBYTE, ge=1024, description="largest request body, bytes")
     max_bodies: int = Field(
         512 * MEBIBYTE,

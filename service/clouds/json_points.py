@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from pydantic_core import from_json
 
 from service.clouds.claims import check_count, quote
 from service.clouds.frame import UNITS, RawCloud, Viewpoint
@@ -167,6 +168,21 @@ def _pieces(text: bytes, start: int, end: int) -> Iterator[bytes]:
 
 def _parse(piece: bytes, before: int) -> NDArray[np.float64]:
     """(K, 3) the points of a piece, NaN where null; `before` of them came before."""
+    xyz = _parse_plain(piece)
+    return _parse_any(piece, before) if xyz is None else xyz
+
+
+def _parse_plain(piece: bytes) -> NDArray[np.float64] | None:
+    """The points of a piece that are three finite numbers each, or null, in half the time; None where one is not."""
+    try:
+        xyz = np.array(from_json(b"[%b]" % piece, allow_inf_nan=False), np.float64)
+    except (ValueError, OverflowError, TypeError):
+        return None
+    return xyz if xyz.ndim == 2 and xyz.shape[1] == 3 and not np.isinf(xyz).any() else None
+
+
+def _parse_any(piece: bytes, before: int) -> NDArray[np.float64]:
+    """As `_parse`, with points that are null as a whole, and with an error that says what is wrong."""
     try:
         points = json.loads(b"[%b]" % piece, parse_int=float)
     except ValueError as error:

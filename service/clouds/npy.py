@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,14 @@ from service.clouds.frame import RawCloud
 from service.engine.errors import UnreadableCloud
 
 SIGNATURE = b"\x93NUMPY"
+START = 10  # bytes before the header: the signature, the version 1.0, the header's length
+ALIGNED = 64  # bytes: where data begins, NumPy has it at a multiple of them
+_LENGTH = rb"(?:0|[1-9]\d{0,14})"
+_USUAL = re.compile(
+    rb"\x93NUMPY\x01\x00(?P<length>..)\{'descr': '(?P<type>[<>|](?:f[248]|[iu][1248]))', "
+    rb"'fortran_order': (?P<fortran>True|False), 'shape': \((?P<shape>%b(?:, %b){1,2})\), \} *\n" % (_LENGTH, _LENGTH),
+    re.DOTALL,
+)
 HEADER_LIMIT = 1 << 14  # bytes; NumPy itself refuses headers beyond 10,000
 MOST_COLUMNS = 64  # more is a depth image, or an array that lies on its side
 
@@ -63,10 +72,9 @@ def read(data: bytes, max_points: int) -> RawCloud:
 
 def of_points(xyz: bytes) -> bytes:
     """An NPY file of bare coordinates, (N, 3) float32, little-endian; what is left over of a point is left out."""
-    header = io.BytesIO()
-    facts = {"descr": "<f4", "fortran_order": False, "shape": (len(xyz) // 12, 3)}
-    np.lib.format.write_array_header_1_0(header, facts)
-    return header.getvalue() + xyz
+    facts = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({len(xyz) // 12}, 3), }}".encode()
+    length = -(-(START + len(facts) + 1) // ALIGNED) * ALIGNED - START
+    return b"".join((SIGNATURE, b"\x01\x00", length.to_bytes(2, "little"), facts.ljust(length - 1), b"\n", xyz))
 
 
 def read_layout(head: bytes, where: str) -> Layout:
@@ -75,6 +83,8 @@ def read_layout(head: bytes, where: str) -> Layout:
     Raises:
         UnreadableCloud: it is none.
     """
+    if layout := _read_usual(head):
+        return layout
     stream = io.BytesIO(head)
     try:
         version = np.lib.format.read_magic(stream)
@@ -87,6 +97,15 @@ def read_layout(head: bytes, where: str) -> Layout:
             "it is truncated or damaged: save it again with numpy.save"
         ) from error
     return Layout(header[2], header[0], header[1], stream.tell())
+
+
+def _read_usual(head: bytes) -> Layout | None:
+    """The layout of a plain array as NumPy writes it, without the parser of Python that NumPy reads it by."""
+    said = _USUAL.match(head)
+    if said is None or START + int.from_bytes(said["length"], "little") != said.end():
+        return None
+    shape = tuple(map(int, said["shape"].split(b",")))
+    return Layout(np.dtype(said["type"].decode()), shape, said["fortran"] == b"True", said.end())
 
 
 def flaw_of(layout: Layout) -> str:

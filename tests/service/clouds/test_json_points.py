@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.clouds import Viewpoint, read
-from service.clouds.json_points import PIECE
+from service.clouds.json_points import PIECE, _parse_any, _parse_plain
 from service.engine.errors import EmptyCloud, ImplausibleExtent, ShapeConceptsError, TooManyPoints, UnreadableCloud
 from tests.service.clouds.written import json_points, some_points
 
@@ -172,3 +172,17 @@ def test_any_json_is_a_cloud_or_refused(document: Any):
     except ShapeConceptsError as error:
         said_of_it = str(error)
         assert 20 < len(said_of_it) < 1000
+
+
+numbers_or_null = st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.integers(-(2**70), 2**70), st.none())
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(st.lists(st.one_of(st.none(), st.lists(numbers_or_null, min_size=2, max_size=4)), min_size=1, max_size=5))
+def test_points_that_are_read_in_half_the_time_are_the_same(points: list[Any]):
+    text = said(points)[1:-1]
+    quick = _parse_plain(text)
+    if quick is None:
+        assert any(point is None or len(point) != 3 for point in points)
+    else:
+        assert np.array_equal(quick, _parse_any(text, 0), equal_nan=True)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 
+from service.clouds import npy as npy_files
 from service.clouds import read
 from service.engine.errors import UnreadableCloud
 from tests.service.clouds.written import npy, npy_header, some_points
@@ -98,3 +101,22 @@ def test_a_damaged_header_is_refused(data: bytes):
 def test_a_negative_shape_is_refused():
     with pytest.raises(UnreadableCloud, match="negative"):
         read(npy_header((-5, 3)))
+
+
+@pytest.mark.parametrize("kind", ["<f4", ">f4", "<f8", "<f2", "|i1", "|u1", ">u2", "<i8", "<c8", "|b1", "<U3"])
+@pytest.mark.parametrize("shape", [(5, 3), (0, 3), (4, 5, 3), (7,), (), (2, 2, 2, 3)])
+def test_a_header_is_read_as_numpy_reads_it(kind: str, shape: tuple[int, ...]):
+    for order in "CF":
+        file = io.BytesIO()
+        np.save(file, np.zeros(shape, kind, order=order))
+        file.seek(0)
+        np.lib.format.read_magic(file)
+        found, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+        assert npy_files.read_layout(file.getvalue(), "this") == npy_files.Layout(dtype, found, fortran, file.tell())
+
+
+@pytest.mark.parametrize("count", [0, 1, 9, 10, 99_999, 12_345_678])
+def test_bare_points_get_a_header_that_numpy_reads(count: int):
+    file = npy_files.of_points(bytes(12 * count))
+    assert np.load(io.BytesIO(file)).shape == (count, 3)
+    assert (len(file) - 12 * count) % 64 == 0
