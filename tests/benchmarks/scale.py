@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import argparse
 import pickle
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -79,6 +81,9 @@ def main(arguments: list[str]) -> None:
         meter.begin("answering")
         median = _answer(loaded, asked.seed + 1, params)
         meter.begin("end")
+        cloud = Path(folder) / "cloud.npy"
+        np.save(cloud, simulate_object(0, asked.seed + 1, params).cloud.points)
+        subprocess.run([sys.executable, "-m", "tests.benchmarks.served", folder, "scale", str(cloud)], check=True)
     print(", ".join(f"{name} {count}" for name, count in manifest.counts.items()))
     print(f"an answer: {median * 1e3:.1f} ms of one core, the median of {ASKED} new objects")
 

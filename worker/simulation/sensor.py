@@ -90,11 +90,13 @@ def _pixels(image: DepthImage, composition: Composition, view: View, params: Sim
     window = _window(image.labels >= 0)
     depth, labels, directions = image.depth[window], image.labels[window], rays(params.camera, window)
     seen = labels >= 0
-    points = view.to_composition(directions[seen] * depth[seen, None])
+    along, on = directions[seen], labels[seen]
+    points = view.to_composition(along * depth[seen][:, None])
     faces = np.full(labels.shape, -1, dtype=np.int64)
-    faces[seen] = composition.faces(points, labels[seen])
-    sight = directions[seen] / np.linalg.norm(directions[seen], axis=1, keepdims=True) @ view.pose[:3, :3].T
-    cosine = np.abs(np.einsum("ij,ij->i", composition.normals(points, labels[seen]), sight))
+    faces[seen] = composition.faces(points, on)
+    length = np.sqrt(along[:, 0] ** 2 + along[:, 1] ** 2 + along[:, 2] ** 2)
+    sight = along / length[:, None] @ view.pose[:3, :3].T
+    cosine = np.abs(np.einsum("ij,ij->i", composition.normals(points, on), sight))
     angle = np.zeros(labels.shape)
     angle[seen] = np.arccos(np.minimum(cosine, 1.0))
     return _Pixels(depth, directions, labels, faces, angle)
@@ -122,16 +124,14 @@ def _blur_across(pixels: _Pixels, params: SimulationParams, rng: np.random.Gener
     down, right = np.rint(sigma * rng.standard_normal((2, height, width))).astype(np.int64)
     rows = np.clip(np.arange(height)[:, None] + down, 0, height - 1)
     columns = np.clip(np.arange(width) + right, 0, width - 1)
-    stays = pixels.faces[rows, columns] == pixels.faces
-    rows = np.where(stays, np.arange(height)[:, None], rows)
-    columns = np.where(stays, np.arange(width), columns)
-    return _Pixels(
-        pixels.depth[rows, columns],
-        pixels.rays,
-        pixels.labels[rows, columns],
-        pixels.faces[rows, columns],
-        pixels.angle[rows, columns],
-    )
+    seen = (rows * width + columns).ravel()
+    moves = np.flatnonzero(pixels.faces.ravel()[seen] != pixels.faces.ravel())
+    seen = seen[moves]
+    depth, labels = pixels.depth.copy(order="C"), pixels.labels.copy(order="C")
+    faces, angle = pixels.faces.copy(order="C"), pixels.angle.copy(order="C")
+    for read in (depth, labels, faces, angle):
+        read.ravel()[moves] = read.ravel()[seen]
+    return _Pixels(depth, pixels.rays, labels, faces, angle)
 
 
 def _blur_along(pixels: _Pixels, params: SimulationParams, rng: np.random.Generator) -> NDArray[np.float64]:
