@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -91,7 +90,7 @@ def _train(count: int, renderer: str, peer: Path | None) -> None:
         for _ in range(REPEATS):
             runs.append(_watched(command))
             if peer:
-                peers.append(np.sum([_pcl_seconds(peer, file) for file in files], axis=0))
+                peers.append(sum(_pcl_seconds(peer, file) for file in files))
     wall, _, stages = min(runs, key=lambda run: run[0])
     processor = min(run[1] for run in runs)
     print(f"{count} objects, {renderer}, {CORES} cores, best of {REPEATS}: simulated, learned and published")
@@ -100,11 +99,12 @@ def _train(count: int, renderer: str, peer: Path | None) -> None:
     print(f"  all                          {wall:8.2f} s")
     print(f"  processor time               {processor:8.2f} s")
     if peers:
-        theirs, spent = np.min(peers, axis=0)
-        print("  PCL's supervoxels, normals, merge, FPFH of the same clouds on one thread:")
-        print(f"                               {theirs:8.2f} s   processor time {spent:.2f} s")
+        theirs = min(peers)
+        print(f"  PCL, one thread              {theirs:8.2f} s   supervoxels, normals, merge, FPFH of the same clouds")
         print(f"  all / PCL                    {wall / theirs:8.3f}   at most {QUARTER}")
-        print(f"  processor time, per core / PCL's {processor / CORES / spent:4.3f}")
+        print(
+            f"  processor time / cores / PCL {processor / CORES / theirs:8.3f}   were both cores free, and always busy"
+        )
 
 
 def _watched(command: list[str]) -> tuple[float, float, dict[str, float]]:
@@ -142,17 +142,11 @@ def _watched(command: list[str]) -> tuple[float, float, dict[str, float]]:
     return wall, sum(spent.values()), {name: end - when for (name, when), end in zip(marks, ends, strict=True)}
 
 
-def _pcl_seconds(peer: Path, file: Path) -> NDArray[np.float64]:
-    """Wall and processor time of the peer for a cloud, seconds, without the share of loading."""
+def _pcl_seconds(peer: Path, file: Path) -> float:
     options = ["0.006", "0.02", "--mode", "smooth", "--angle", "15", "--min", "5", "--threads", "1"]
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     said = subprocess.run([str(peer), str(file), *options], capture_output=True, text=True, check=True).stdout
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     took: dict[str, float] = json.loads(said)["ms"]
-    load = took.pop("load")
-    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-    wall = sum(took.values())
-    return np.array([wall / 1e3, spent * wall / (wall + load)])
+    return sum(ms for step, ms in took.items() if step != "load") / 1e3
 
 
 def _write_pcd(file: Path, cloud: PointCloud) -> Path:
@@ -222,7 +216,7 @@ def _trees(sizes: list[int], simulated: int, kept: Path) -> None:
 
 
 def _perturbed(objects: list[Observation], count: int) -> list[Observation]:
-    """The objects once more, each bin of each description by about as much as the sensor's noise, drawn anew, changes it.
+    """The objects once more, with descriptions as much changed as by the sensor's noise, drawn anew, bin by bin.
 
     Their hashes are such that none of them is memorised.
     """
