@@ -110,5 +110,6 @@ def test_a_taken_port_is_told_and_not_a_success(store: str) -> None:
         command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--grpc-port", port, "--store", store]
         ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert ended.returncode == 1
-    assert f"gRPC cannot listen on 127.0.0.1:{port}" in ended.stderr
+    assert f"Port {port} of 127.0.0.1: address already in use" in ended.stderr
+    assert "--grpc-port" in ended.stderr
     assert "Traceback" not in ended.stderr
