@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from service.engine.cloud import VoxelCloud, means_of, occupied_cells
+from service.engine.cloud import VoxelCloud
 from service.engine.eigen import Vector, principal_axes
+from service.engine.grid import means_of, occupied_cells
 from service.engine.neighbours import Neighbourhood, connected_parts, neighbourhood
 from service.engine.params import PatchParams
 
