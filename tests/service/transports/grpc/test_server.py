@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -127,17 +128,20 @@ def test_a_stream_that_is_open_at_the_end_gets_what_it_was_promised_and_is_told_
     start: Callable[..., Server], held: Held, clouds: list[PointCloud]
 ) -> None:
     server = start(held)
+    called = threading.Event()  # requests may be asked for before the call is known by its name
 
     def requests() -> Iterator[RespondStreamRequest]:
         for number in range(2):
             yield RespondStreamRequest(
                 sequence=number, cloud=Cloud(file=CloudFile(data=write_ply(clouds[0]), name=HELD))
             )
+        called.wait(timeout=20)
         while server.error is None and call.is_active():
             time.sleep(0.05)
 
     with grpc.insecure_channel(server.address) as channel:
         call = ShapeConceptsServiceStub(channel).RespondStream(requests())
+        called.set()
         for _ in range(2):
             assert held.held.acquire(timeout=20)
         server.tell_to_end()
