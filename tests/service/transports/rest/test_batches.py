@@ -8,11 +8,13 @@ import logging
 import socket
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import httpx
 import pytest
 
+from service.answer import Answer
 from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
@@ -128,23 +130,43 @@ def test_a_batch_that_finds_all_places_taken_is_refused_at_once(client: httpx.Cl
     assert json.loads(client.post(BATCH, files=files(b"1")).text)["items"]
 
 
-@pytest.mark.parametrize("coding", [b"identity", b"gzip"])
-def test_a_batch_whose_client_hangs_up_is_not_finished(
-    client: httpx.Client, clouds: list[PointCloud], caplog: pytest.LogCaptureFixture, coding: bytes
-) -> None:
-    ply = write_ply(clouds[0])
-    client.post("/v1/responses", content=ply)
-    form = httpx.Request("POST", "http://x", files=files(*[ply] * 64))
-    body = gzip.compress(form.read(), 1) if coding == b"gzip" else form.read()
-    head = (
-        b"POST /v1/responses/batch HTTP/1.1\r\nHost: x\r\nContent-Type: %s\r\n" % form.headers["content-type"].encode()
-    )
-    head += b"Content-Encoding: %s\r\nContent-Length: %d\r\n\r\n" % (coding, len(body))
-    with caplog.at_level(logging.INFO):
-        with socket.create_connection((client.base_url.host, client.base_url.port or 80)) as wire:
-            wire.sendall(head + body)
-            time.sleep(0.3)
-        began = time.monotonic()
-        while "hung up when" not in caplog.text:
-            assert time.monotonic() - began < 10
-            time.sleep(0.01)
+class Held(Application):
+    """An application that waits within every answer until it is told to go on."""
+
+    begun, go = threading.Event(), threading.Event()  # for the one of a test
+
+    def respond(self, cloud: Any, **given: Any) -> Answer:
+        self.begun.set()
+        assert self.go.wait(20)
+        return super().respond(cloud, **given)
+
+
+class TestWhenAClientHangsUp:
+    @pytest.fixture
+    def application(self, settings: Settings) -> Iterator[Application]:
+        application = Held(settings)
+        Held.begun.clear()
+        Held.go.clear()
+        yield application
+        Held.go.set()
+        application.close()
+
+    @pytest.mark.parametrize("coding", [b"identity", b"gzip"])
+    def test_its_batch_is_not_finished(
+        self, client: httpx.Client, clouds: list[PointCloud], caplog: pytest.LogCaptureFixture, coding: bytes
+    ) -> None:
+        form = httpx.Request("POST", "http://x", files=files(*[write_ply(clouds[0])] * 64))
+        body = gzip.compress(form.read(), 1) if coding == b"gzip" else form.read()
+        head = b"POST /v1/responses/batch HTTP/1.1\r\nHost: x\r\nContent-Type: %s\r\n" % (
+            form.headers["content-type"].encode()
+        )
+        head += b"Content-Encoding: %s\r\nContent-Length: %d\r\n\r\n" % (coding, len(body))
+        with caplog.at_level(logging.INFO):
+            with socket.create_connection((client.base_url.host, client.base_url.port or 80)) as wire:
+                wire.sendall(head + body)
+                assert Held.begun.wait(20)
+            Held.go.set()
+            began = time.monotonic()
+            while "hung up when" not in caplog.text:
+                assert time.monotonic() - began < 10
+                time.sleep(0.01)
