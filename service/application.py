@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,20 +10,8 @@ from pydantic import BaseModel, Field
 
 from service import clouds
 from service.access import Gate, needs_keys
-from service.aliases import AliasEntry
 from service.answer import Answer, compose
-from service.catalogue import (
-    AnnexationGraph,
-    Barcode,
-    ConceptList,
-    Tree,
-    list_concepts,
-    tell_annexations,
-    tell_barcode,
-    tell_tree,
-)
-from service.choosing import Choosing, Meant
-from service.comparing import Version, VersionComparison, compare_versions
+from service.choosing import Choosing
 from service.dataset_cases import DatasetCases
 from service.engine.cloud import PointCloud
 from service.engine.errors import InvalidCloud, InvalidParameter, TooManyPoints
@@ -35,14 +22,14 @@ from service.lately import Answers
 from service.live import Live
 from service.looking import Drawing, Looking
 from service.metrics import State
-from service.model_file import Manifest
+from service.model_cases import ModelCases
 from service.naming import Naming
 from service.pool import Intake, Pool
 from service.scene_answer import Refusal, SceneAnswer, compose_scene, refuse
 from service.schedules import Schedules
 from service.scheduling import Scheduling
 from service.settings import Settings
-from service.store import PRODUCTION, ModelStore
+from service.store import ModelStore
 from service.telemetry import Stages, Telemetry
 from service.training import Training
 
@@ -83,15 +70,6 @@ class ConceptOrder(NamedTuple):
     times: NDArray[np.float64]
 
 
-class ModelSummary(BaseModel):
-    """A model that can be asked."""
-
-    name: str = Field(description="the model's name")
-    versions: list[int] = Field(description="its versions, ascending")
-    aliases: dict[str, int] = Field(description="what each alias means now")
-    built_in: bool = Field(False, description="whether it came with the service, as the store holds no model yet")
-
-
 class Readiness(BaseModel):
     """That the service can answer, and with what."""
 
@@ -122,6 +100,7 @@ class Application:
         self.scheduling = Scheduling(Schedules(jobs), self.training)
         self._answers = Answers()
         self._choosing = Choosing(self.store, settings, self._answers)
+        self.models = ModelCases(self.store, self._choosing, self._answers)
         self.looking = Looking(self._choosing, self.datasets.store)
         self._keys = KeyStore(settings.store)
         self.access = Gate(
@@ -314,100 +293,9 @@ class Application:
             model=meant.name, version=meant.version, models=names, built_in=self._choosing.is_lent(meant.source)
         )
 
-    def models(self) -> list[ModelSummary]:
-        """All models with their versions and aliases: those of the store, or the built-in one if it holds none."""
-        return [self.model(name) for name in self._choosing.source().store.names()]
-
-    def model(self, name: str) -> ModelSummary:
-        """A model with its versions and aliases.
-
-        Raises:
-            ModelNotFound: there is no such model.
-        """
-        source = self._choosing.source()
-        versions, aliases = source.store.require(name), source.store.aliases(name)
-        return ModelSummary(name=name, versions=versions, aliases=aliases, built_in=self._choosing.is_lent(source))
-
-    def manifest(self, name: str, version: int) -> Manifest:
-        """How a version was made."""
-        store = self._choosing.source().store
-        return self._answers.get(
-            f"the manifest of {name}:{version} in {store.url}", lambda: store.manifest(name, version)
-        )
-
-    def concepts(self, name: str, version: int, time: float | None = None) -> ConceptList:
-        """The concepts of a version: those at a filtration time; None for those that answers compare clouds with.
-
-        Raises:
-            InvalidParameter: the time is not in [0, 1].
-        """
-        meant = Meant(self._choosing.source(), name, version)
-        return list_concepts(meant.model(), (name, version), time, meant.names())
-
-    def barcode(self, name: str, version: int) -> Barcode:
-        """The bars of H_0 of a version's filtration."""
-        return tell_barcode(Meant(self._choosing.source(), name, version).model(), (name, version))
-
-    def annexations(self, name: str, version: int) -> AnnexationGraph:
-        """The annexation graph F of a version."""
-        return tell_annexations(Meant(self._choosing.source(), name, version).model(), (name, version))
-
-    def tree(self, name: str, version: int) -> Tree:
-        """The spanning tree of a version's topological space."""
-        return tell_tree(Meant(self._choosing.source(), name, version).model(), (name, version))
-
-    def compare(self, old: tuple[str, int], new: tuple[str, int]) -> VersionComparison:
-        """Which concepts of one version persist, merge, split or disappear in another one. Runs on the caller's thread.
-
-        Args:
-            old: name and version of the model that concepts come from.
-            new: name and version of the one that they go to.
-
-        Raises:
-            InvalidParameter: there is nothing to compare them by.
-        """
-        source = self._choosing.source()
-        meant = (Meant(source, *which) for which in (old, new))
-        return compare_versions(*(Version(m.name, m.version, m.model(), m.names()) for m in meant))
-
     def valid_keys(self) -> dict[str, AccessKey]:
         """The access keys that are not revoked, by id; what was known last, while the store is away."""
         return self._answers.get(KEYS, self._keys.valid)
-
-    def thumbnail(self, name: str, version: int, number: int) -> NDArray[np.uint8]:
-        """A training object of a version as the sensor saw it (48, 48), shaded; 0 is background.
-
-        Raises:
-            InvalidParameter: the model has no training object of that number.
-        """
-        return self.looking.thumbnail(name, version, number)
-
-    def alias_histories(self, name: str) -> dict[str, list[AliasEntry]]:
-        """All that each alias of a model has meant, oldest first.
-
-        Raises:
-            ModelNotFound: there is no such model.
-        """
-        store = self._choosing.source().store
-        store.require(name)
-        return {alias: store.alias_history(name, alias) for alias in store.aliases(name)}
-
-    def export(self, name: str, version: int, out_dir: Path) -> list[Path]:
-        """Writes a version's files into a folder; returns them."""
-        return self._choosing.source().store.export(name, version, out_dir)
-
-    def promote(self, model: str, alias: str = PRODUCTION) -> tuple[str, int]:
-        """Lets an alias mean the version that a reference names; returns its name and version."""
-        name, version = self.store.resolve(model)
-        self.store.promote(name, version, alias)
-        self._answers.forget()
-        return name, version
-
-    def rollback(self, name: str, alias: str = PRODUCTION, leaving: int | None = None) -> int:
-        """Lets an alias mean what it meant before; returns the version. `leaving`: only if it means that one now."""
-        version = self.store.rollback(name, alias, leaving)
-        self._answers.forget()
-        return version
 
     def _scene(self, cloud: CloudFile | clouds.SceneCloud, max_points: int | None) -> clouds.SceneCloud:
         limit = self.settings.max_points if max_points is None else min(self.settings.max_points, max_points)

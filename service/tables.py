@@ -14,11 +14,11 @@ from rich.table import Table
 
 from service.aliases import AliasEntry
 from service.answer import Answer
-from service.application import ModelSummary
 from service.explanation import Explanation, Likeness
 from service.job import Job
 from service.job_records import Progress
 from service.keys import AccessKey
+from service.model_cases import ModelSummary
 from service.model_file import Manifest
 from service.proposals import Proposal
 from service.scene_answer import AnsweredObject, LeftOut, SceneAnswer

@@ -72,9 +72,9 @@ class Drawing:
         @cache
         def learnt(time: float) -> Learnt:
             which = (answer.model, answer.version)
-            return Learnt(application.concepts(*which, time), application.annexations(*which))
+            return Learnt(application.models.concepts(*which, time), application.models.annexations(*which))
 
-        thumbnail = partial(application.thumbnail, answer.model, answer.version)
+        thumbnail = partial(application.looking.thumbnail, answer.model, answer.version)
         if isinstance(answer, SceneAnswer):
             self._pictures += draw_scene(title, sent, answer, lambda of: learnt(of.time), thumbnail)
         else:

@@ -24,7 +24,7 @@ def models() -> None:
 @store_option
 def list_models(as_json: bool, store: str | None) -> None:
     """Lists models, versions and aliases."""
-    found = application_of(store).models()
+    found = application_of(store).models.all()
     if as_json:
         click.echo(json.dumps({"models": [summary.model_dump() for summary in found]}))
     else:
@@ -41,8 +41,8 @@ def show(model: str, as_json: bool, store: str | None) -> None:
     """Shows how a model was made, and what its aliases have meant."""
     application = application_of(store)
     name, version = application.which(model)
-    manifest = application.manifest(name, version)
-    history = application.alias_histories(name)
+    manifest = application.models.manifest(name, version)
+    history = application.models.histories(name)
     if as_json:
         aliases = {alias: [entry._asdict() for entry in entries] for alias, entries in history.items()}
         click.echo(json.dumps(manifest.model_dump(mode="json") | {"aliases": aliases}))
@@ -68,7 +68,7 @@ def export(model: str, out: Path, as_json: bool, store: str | None) -> None:
     """
     application = application_of(store)
     name, version = application.which(model)
-    files = [str(path) for path in application.export(name, version, out)]
+    files = [str(path) for path in application.models.export(name, version, out)]
     result = {"model": name, "version": version, "files": files}
     done(result, f"Wrote {name}:{version} to {' and '.join(files)}.", as_json)
 
@@ -91,7 +91,7 @@ def promote(model: str, alias: str, as_json: bool, store: str | None) -> None:
     """
     if not {":", "@"} & set(model):
         raise click.BadParameter(f"say which version shall be meant, as {model}:2.", param_hint="NAME:VERSION")
-    name, version = application_of(store).promote(model, alias)
+    name, version = application_of(store).models.promote(model, alias)
     done({"model": name, "version": version, "alias": alias}, f"{name}@{alias} is version {version} now.", as_json)
 
 
@@ -112,7 +112,7 @@ def compare(old: str, new: str, as_json: bool, store: str | None) -> None:
     from: a concept persists if more than half of its objects and of a new concept's are common to both.
     """
     application = application_of(store)
-    compared = application.compare(application.which(old), application.which(new))
+    compared = application.models.compare(application.which(old), application.which(new))
     if as_json:
         click.echo(compared.model_dump_json())
     else:
@@ -130,5 +130,5 @@ def compare(old: str, new: str, as_json: bool, store: str | None) -> None:
 @store_option
 def rollback(model: str, alias: str, as_json: bool, store: str | None) -> None:
     """Lets an alias mean what it meant before its last promotion."""
-    version = application_of(store).rollback(model, alias)
+    version = application_of(store).models.rollback(model, alias)
     done({"model": model, "version": version, "alias": alias}, f"{model}@{alias} is version {version} again.", as_json)

@@ -125,7 +125,7 @@ def respond(
     try:
         application = application_of(store)
         name, version = application.prepare(model)
-        if store and application.model(name).built_in:
+        if store and application.models.one(name).built_in:
             click.echo(f"The store {store} holds no model: the one that comes with the service answers.", err=True)
     except ShapeConceptsError as error:
         if not as_json:
@@ -162,7 +162,7 @@ def respond(
         else:
             from service import tables
 
-            thumbnail = partial(application.thumbnail, name, version)
+            thumbnail = partial(application.looking.thumbnail, name, version)
             if isinstance(answer, SceneAnswer):
                 tables.show_scene(file, answer, thumbnail)
             else:

@@ -121,13 +121,6 @@ def test_what_was_not_asked_for_is_not_in_the_answer(application: Application, c
     assert not {"explanation", "point_segments", "stimuli"} & set(answer.model_dump())
 
 
-def test_training_objects_have_thumbnails_by_number(application: Application, model: ShapeModel) -> None:
-    assert np.array_equal(application.thumbnail("tiny", 1, 7), model.prototypes.thumbnails[7])
-    for wrong in (-1, 8):
-        with pytest.raises(InvalidParameter, match="8 objects"):
-            application.thumbnail("tiny", 1, wrong)
-
-
 def test_the_filtration_time_is_that_of_the_model_unless_given(
     application: Application, model: ShapeModel, clouds: list[PointCloud]
 ) -> None:
@@ -165,24 +158,13 @@ def test_without_a_default_several_models_must_be_told_apart(application: Applic
     chosen.close()
 
 
-def test_a_promotion_and_a_rollback_take_effect_at_once(application: Application, model: ShapeModel) -> None:
-    application.store.publish(model, name="tiny", seed=7, source={})
-    assert application.which("tiny") == ("tiny", 2)
-    assert application.rollback("tiny") == 1
-    assert application.which("tiny") == ("tiny", 1)
-    assert application.promote("tiny:2") == ("tiny", 2)
-    assert application.which("tiny") == ("tiny", 2)
-    (summary,) = application.models()
-    assert (summary.name, summary.versions, summary.aliases) == ("tiny", [1, 2], {"production": 2})
-
-
 def test_a_store_without_models_is_not_ready(settings: Settings, tmp_path: Path) -> None:
     application = Application(settings.model_copy(update={"store": str(tmp_path / "nothing"), "built_in": False}))
     with pytest.raises(ModelNotFound, match="no model yet"):
         application.ready()
     with pytest.raises(ModelNotFound, match="train"):
         application.which(None)
-    assert application.models() == []
+    assert application.models.all() == []
     application.close()
 
 

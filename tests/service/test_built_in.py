@@ -69,9 +69,9 @@ def test_on_a_new_machine_a_cloud_is_answered(application: Application, shipped:
     assert len(answer.concepts) == len(shipped.respond(PointCloud(points())).concept_ids) > 10
     ready = application.ready()
     assert (ready.model, ready.version, ready.models, ready.built_in) == ("default", 1, ["default"], True)
-    assert [(each.name, each.built_in) for each in application.models()] == [("default", True)]
-    assert application.manifest("default", 1).seed == 7
-    assert application.thumbnail("default", 1, 0).shape == (48, 48)
+    assert [(each.name, each.built_in) for each in application.models.all()] == [("default", True)]
+    assert application.models.manifest("default", 1).seed == 7
+    assert application.looking.thumbnail("default", 1, 0).shape == (48, 48)
     assert not Path(application.settings.store).exists()
 
 
@@ -105,8 +105,8 @@ def test_a_store_with_a_model_of_its_own_wins_whatever_its_name(
         time.sleep(0.1)
     assert answer.responses == model.respond(clouds[0]).responses.tolist()
     assert not application.ready().built_in
-    assert [each.built_in for each in application.models()] == [False]
-    assert application.manifest("default", 2).seed == 1
+    assert [each.built_in for each in application.models.all()] == [False]
+    assert application.models.manifest("default", 2).seed == 1
     assert answer.version == 2, "default:1 is the built-in one, wherever it is asked"
 
 
@@ -133,15 +133,15 @@ class TestSwitchedOff:
     def test_a_store_without_models_answers_nothing(self, application: Application) -> None:
         with pytest.raises(ModelNotFound, match="train and publish"):
             application.respond(CLOUD)
-        assert application.models() == []
+        assert application.models.all() == []
 
 
 def test_nobody_publishes_into_it(application: Application) -> None:
     before = sorted(SHIPPED.rglob("*"))
     with pytest.raises(ModelNotFound):
-        application.promote("default:1", "staging")
+        application.models.promote("default:1", "staging")
     with pytest.raises(ModelNotFound):
-        application.rollback("default")
+        application.models.rollback("default")
     assert sorted(SHIPPED.rglob("*")) == before
 
 

@@ -175,7 +175,7 @@ def test_the_service_starts_without_the_job_engine_and_says_what_to_install(tmp_
         "from service.application import Application; from service.job_specs import read_spec\n"
         "from service.settings import Settings\n"
         f"application = Application(Settings(store={str(tmp_path)!r}, jobs_url='sqlite:///{tmp_path}/jobs.sqlite'))\n"
-        "assert [model.name for model in application.models()] == ['default']\n"
+        "assert [model.name for model in application.models.all()] == ['default']\n"
         "try: application.training.submit(read_spec({'name': 'toys', 'simulate': 2}))\n"
         "except Exception as error: print(error)\n"
     )

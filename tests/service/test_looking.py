@@ -8,7 +8,8 @@ import pytest
 from service.application import Application, CloudFile
 from service.clouds import SceneCloud, Viewpoint
 from service.engine.cloud import PointCloud
-from service.engine.errors import TooFewPoints, UnreadableCloud
+from service.engine.errors import InvalidParameter, TooFewPoints, UnreadableCloud
+from service.engine.model import ShapeModel
 from service.looking import Drawing, draw
 from tests.service.tabletop.seen import set_table
 
@@ -79,3 +80,10 @@ def test_nothing_is_drawn_of_a_cloud_that_cannot_be_read_and_a_small_one_is_draw
     assert unread.drawn is None
     assert small.drawn is not None
     assert len(small.drawn.points) == 2
+
+
+def test_training_objects_have_thumbnails_by_number(application: Application, model: ShapeModel) -> None:
+    assert np.array_equal(application.looking.thumbnail("tiny", 1, 7), model.prototypes.thumbnails[7])
+    for wrong in (-1, 8):
+        with pytest.raises(InvalidParameter, match="8 objects"):
+            application.looking.thumbnail("tiny", 1, wrong)

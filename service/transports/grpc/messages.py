@@ -11,11 +11,12 @@ from google.rpc import status_pb2
 from grpc import StatusCode
 
 from service.answer import Answer
-from service.application import CloudFile, ModelSummary
+from service.application import CloudFile
 from service.catalogue import ConceptList
 from service.clouds import DepthCamera, Viewpoint
 from service.clouds.npy import of_points
 from service.engine.errors import InvalidParameter, UnreadableCloud
+from service.model_cases import ModelSummary
 from service.model_file import Manifest
 from service.scene_answer import SceneAnswer
 from service.transports import errors

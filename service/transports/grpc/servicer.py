@@ -105,7 +105,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         self, request: service_pb2.ListModelsRequest, context: Any
     ) -> service_pb2.ListModelsResponse:
         """Lists all models."""
-        models = await asyncio.to_thread(self._application.models)
+        models = await asyncio.to_thread(self._application.models.all)
         return service_pb2.ListModelsResponse(models=map(messages.from_summary, models))
 
     async def GetModel(  # noqa: N802
@@ -114,7 +114,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
         """Tells how a model was made."""
 
         def look_up() -> service_pb2.GetModelResponse:
-            manifest = self._application.manifest(*self._application.which(**messages.to_reference(request)))
+            manifest = self._application.models.manifest(*self._application.which(**messages.to_reference(request)))
             return service_pb2.GetModelResponse(manifest=messages.from_manifest(manifest))
 
         return await asyncio.to_thread(look_up)
@@ -126,7 +126,7 @@ class Servicer(service_pb2_grpc.ShapeConceptsServiceServicer):
 
         def look_up() -> service_pb2.ListConceptsResponse:
             name, version = self._application.which(**messages.to_reference(request))
-            concepts = self._application.concepts(name, version, messages.to_time(request))
+            concepts = self._application.models.concepts(name, version, messages.to_time(request))
             return service_pb2.ListConceptsResponse(list=messages.from_concepts(concepts))
 
         return await asyncio.to_thread(look_up)

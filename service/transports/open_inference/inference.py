@@ -110,8 +110,8 @@ def metadata(application: Application, model: str, version: str) -> dict[str, An
     asked = parse_version(version)
     name, number = application.which(parse_model(model), asked)
     if asked is None:
-        return describe(name, application.model(name).versions)
-    application.manifest(name, number)
+        return describe(name, application.models.one(name).versions)
+    application.models.manifest(name, number)
     return describe(name, [number])
 
 

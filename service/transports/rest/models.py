@@ -7,11 +7,12 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path, Query, Response
 from pydantic import BaseModel, Field
 
-from service.application import Application, ModelSummary
+from service.application import Application
 from service.catalogue import AnnexationGraph, Barcode, ConceptList, Tree
 from service.clouds import png
 from service.comparing import VersionComparison
 from service.engine.errors import ModelNotFound
+from service.model_cases import ModelSummary
 from service.model_file import NAME, Manifest
 from service.store import PRODUCTION
 from service.transports.rest import caching, examples, model_examples
@@ -99,7 +100,7 @@ def router(application: Application) -> APIRouter:
     )
     def models(if_none_match: IfNoneMatch = None) -> Response:
         """Names, versions and aliases of all models of the store."""
-        return tagged_by_content(ModelList(models=application.models()), if_none_match)
+        return tagged_by_content(ModelList(models=application.models.all()), if_none_match)
 
     @routes.get(
         "/{model}",
@@ -110,7 +111,7 @@ def router(application: Application) -> APIRouter:
     def model(model: Reference, if_none_match: IfNoneMatch = None) -> Response:
         """Its versions and aliases, and which version is meant by the reference."""
         name = model.partition("@")[0].partition(":")[0]
-        summary = application.model(name)
+        summary = application.models.one(name)
         try:
             version = application.which(model)[1]
         except ModelNotFound:
@@ -127,7 +128,7 @@ def router(application: Application) -> APIRouter:
     )
     def manifest(name: Name, version: Version, if_none_match: IfNoneMatch = None) -> Response:
         """The manifest of a version: seed, parameters, source of the clouds, counts and content hashes."""
-        found = application.manifest(name, version)
+        found = application.models.manifest(name, version)
         return tagged(_tag(application, name, version), if_none_match, LASTING, lambda: found)
 
     @routes.get(
@@ -140,7 +141,7 @@ def router(application: Application) -> APIRouter:
         """A training object as the sensor saw it, 48 x 48 pixels: explanations name it by its number."""
         headers = {"Cache-Control": LASTING}
         return Response(
-            png.write(application.thumbnail(name, version, number)), headers=headers, media_type=png.MEDIA_TYPE
+            png.write(application.looking.thumbnail(name, version, number)), headers=headers, media_type=png.MEDIA_TYPE
         )
 
     @routes.get(
@@ -168,7 +169,7 @@ def router(application: Application) -> APIRouter:
         """Their sizes, names and prototypes: key, hash, picture and place on the map of each training object."""
         name, version = application.which(model)
         tag = _tag(application, name, version, time, application.naming.names(name, version).changes)
-        return tagged(tag, if_none_match, CHECKED, lambda: application.concepts(name, version, time))
+        return tagged(tag, if_none_match, CHECKED, lambda: application.models.concepts(name, version, time))
 
     @routes.get(
         "/{model}/barcode",
@@ -180,7 +181,7 @@ def router(application: Application) -> APIRouter:
         """The bars of H_0 of the filtration."""
         name, version = application.which(model)
         tag, control = _tag(application, name, version), _control(model)
-        return tagged(tag, if_none_match, control, lambda: application.barcode(name, version))
+        return tagged(tag, if_none_match, control, lambda: application.models.barcode(name, version))
 
     @routes.get(
         "/{model}/annexations",
@@ -192,7 +193,7 @@ def router(application: Application) -> APIRouter:
         """The annexation graph F of the filtration."""
         name, version = application.which(model)
         tag, control = _tag(application, name, version), _control(model)
-        return tagged(tag, if_none_match, control, lambda: application.annexations(name, version))
+        return tagged(tag, if_none_match, control, lambda: application.models.annexations(name, version))
 
     @routes.get(
         "/{model}/tree",
@@ -204,7 +205,7 @@ def router(application: Application) -> APIRouter:
         """The spanning tree of the topological space: its edges, their divergences, and how hot each vertex is."""
         name, version = application.which(model)
         tag, control = _tag(application, name, version), _control(model)
-        return tagged(tag, if_none_match, control, lambda: application.tree(name, version))
+        return tagged(tag, if_none_match, control, lambda: application.models.tree(name, version))
 
     @routes.get(
         "/{name}/aliases",
@@ -216,7 +217,7 @@ def router(application: Application) -> APIRouter:
         """The history of each alias."""
         changes = {
             alias: [AliasChange(**entry._asdict()) for entry in entries]
-            for alias, entries in application.alias_histories(name).items()
+            for alias, entries in application.models.histories(name).items()
         }
         return tagged_by_content(AliasHistories(model=name, aliases=changes), if_none_match)
 
@@ -227,7 +228,7 @@ def router(application: Application) -> APIRouter:
     )
     def promote(model: Qualified, alias: Alias = PRODUCTION) -> AliasMeaning:
         """The version is named as NAME:VERSION, or by another alias as NAME@ALIAS. Repeated, it is done once."""
-        name, version = application.promote(model, alias)
+        name, version = application.models.promote(model, alias)
         return AliasMeaning(model=name, alias=alias, version=version)
 
     @routes.post(
@@ -237,7 +238,7 @@ def router(application: Application) -> APIRouter:
     )
     def rollback(name: Name, leaving: Leaving, alias: Alias = PRODUCTION) -> AliasMeaning:
         """What it meant before its last promotion. The answer says what it means then, whether it was moved or not."""
-        version = application.rollback(name, alias, leaving)
+        version = application.models.rollback(name, alias, leaving)
         return AliasMeaning(model=name, alias=alias, version=version)
 
     return routes
@@ -247,12 +248,12 @@ def _compare(application: Application, old: tuple[str, int], other: str, if_none
     new = application.which(other)
     names = [application.naming.names(*which).changes for which in (old, new)]
     tag = tag_of(_tag(application, *old), _tag(application, *new), *names)
-    return tagged(tag, if_none_match, CHECKED, lambda: application.compare(old, new))
+    return tagged(tag, if_none_match, CHECKED, lambda: application.models.compare(old, new))
 
 
 def _tag(application: Application, name: str, version: int, *more: object) -> str:
     """The tag of what a version says of itself: by the hash of its content, and by what else plays a part."""
-    manifest = application.manifest(name, version)
+    manifest = application.models.manifest(name, version)
     return tag_of(name, version, manifest.digest, manifest.created, *more)
 
 

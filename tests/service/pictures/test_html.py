@@ -41,7 +41,7 @@ def picture(application: Application, clouds: list[PointCloud]) -> Picture:
         SceneCloud(clouds[0]),
         answer,
         lambda told: learnt(application, told),
-        lambda number: application.thumbnail(answer.model, answer.version, number),
+        lambda number: application.looking.thumbnail(answer.model, answer.version, number),
     )
 
 

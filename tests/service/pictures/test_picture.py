@@ -27,13 +27,13 @@ def drawn(application: Application, sent: SceneCloud) -> Picture:
 def tells(application: Application, answer: Answer) -> tuple[Callable, Callable]:
     return (
         lambda told: learnt(application, told),
-        lambda number: application.thumbnail(answer.model, answer.version, number),
+        lambda number: application.looking.thumbnail(answer.model, answer.version, number),
     )
 
 
 def learnt(application: Application, answer: Answer) -> Learnt:
     which = (answer.model, answer.version)
-    return Learnt(application.concepts(*which, answer.time), application.annexations(*which))
+    return Learnt(application.models.concepts(*which, answer.time), application.models.annexations(*which))
 
 
 def by(picture: Picture) -> dict[str, list[str]]:
@@ -59,7 +59,7 @@ def test_words_and_concepts_are_those_of_the_segments(application: Application, 
     answer = application.respond(clouds[1], explain=True, segments=True)
     picture = draw_cloud("mug.ply", SceneCloud(clouds[1]), answer, *tells(application, answer))
     assert answer.explanation is not None
-    listed = application.concepts(answer.model, answer.version, answer.time).concepts
+    listed = application.models.concepts(answer.model, answer.version, answer.time).concepts
     labels = by(picture)
     for k, segment in enumerate(picture.segments.tolist()):
         if segment < 0:
@@ -151,8 +151,8 @@ def test_of_an_answers_time_the_closest_concept_has_the_whole_bar_and_the_farthe
 
 
 def test_a_concept_keeps_its_colour_when_it_takes_smaller_ones_in(application: Application, model: ShapeModel) -> None:
-    size, graph = model.stimuli.shape[0], application.annexations("tiny", 1)
-    known = Learnt(application.concepts("tiny", 1, 1.0), graph)
+    size, graph = model.stimuli.shape[0], application.models.annexations("tiny", 1)
+    known = Learnt(application.models.concepts("tiny", 1, 1.0), graph)
     annexing = {size + place: edge[1] for place, edge in zip(graph.order, graph.edges, strict=True)}
     for one, other in itertools.combinations(annexing, 2):
         same = known.colours([one]) == known.colours([other])

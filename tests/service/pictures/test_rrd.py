@@ -37,7 +37,7 @@ def pictures(application: Application, clouds: list[PointCloud]) -> list[Picture
                 SceneCloud(cloud),
                 answer,
                 lambda told: learnt(application, told),
-                lambda number: application.thumbnail("tiny", 1, number),
+                lambda number: application.looking.thumbnail("tiny", 1, number),
             )
         )
     return drawn

@@ -16,9 +16,10 @@ from pydantic import BaseModel
 
 from service import clouds as formats
 from service.answer import Answer
-from service.application import CloudFile, ModelSummary
+from service.application import CloudFile
 from service.catalogue import ConceptList
 from service.engine.errors import InvalidParameter, Overloaded, RateExceeded, ShapeConceptsError, UnreadableCloud
+from service.model_cases import ModelSummary
 from service.model_file import Content, Manifest
 from service.scene_answer import SceneAnswer
 from service.transports import errors

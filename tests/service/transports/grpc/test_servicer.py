@@ -18,9 +18,10 @@ from google.protobuf.json_format import MessageToDict
 from google.rpc import error_details_pb2 as details
 from grpc_status import rpc_status
 
-from service.application import Application, ModelSummary
+from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
+from service.model_cases import ModelSummary
 from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1.answer_pb2 import Answer, Options
 from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (

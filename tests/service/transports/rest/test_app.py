@@ -15,10 +15,11 @@ import httpx
 import jsonschema
 import pytest
 
-from service.application import Application, ModelSummary
+from service.application import Application
 from service.archives import write
 from service.clouds import FORMATS
 from service.engine.model import ShapeModel
+from service.model_cases import ModelSummary
 from service.settings import Settings
 
 

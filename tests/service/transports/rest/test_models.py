@@ -30,7 +30,7 @@ def test_models_are_listed_with_versions_and_aliases(
 
 def test_a_manifest_is_that_of_the_store(client: httpx.Client, application: Application) -> None:
     found = client.get("/v1/models/tiny/versions/1")
-    assert Manifest.model_validate_json(found.content) == application.manifest("tiny", 1)
+    assert Manifest.model_validate_json(found.content) == application.models.manifest("tiny", 1)
 
 
 def test_an_unknown_version_says_which_there_are(client: httpx.Client) -> None:
@@ -191,7 +191,7 @@ class TestComparison:
         application.store.publish(grown(), name="tiny", seed=7, source={}, alias="staging")
         path, query = "/v1/models/tiny/versions/1/compare", {"with": "tiny@staging"}
         told = client.get(path, params=query)
-        expected = application.compare(("tiny", 1), ("tiny", 2))
+        expected = application.models.compare(("tiny", 1), ("tiny", 2))
         assert VersionComparison.model_validate_json(told.content) == expected
         assert (expected.asked, expected.new.version) == (8 + 24, 2)
         kept = {"if-none-match": told.headers["etag"]}
