@@ -186,9 +186,9 @@ class _Strict(tarfile.TarInfo):
     """A header of a tar; one that is none, or cut off, is no end."""
 
     @classmethod
-    def frombuf(cls, buf: Any, encoding: Any, errors: Any) -> Any:
+    def fromtarfile(cls, archive: Any) -> Any:
         try:
-            return super().frombuf(buf, encoding, errors)
+            return super().fromtarfile(archive)
         except tarfile.EOFHeaderError:  # type: ignore[attr-defined] # blocks of zeros: the end
             raise
         except tarfile.HeaderError as error:

@@ -85,7 +85,7 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "a hexadecimal number": (b"[[0x1, 2, 3]]", "should be a part of a list of points"),
     "a leading zero": (b"[[01, 2, 3]]", "Expecting ',' delimiter"),
     "a wrong null": (b"[[nul, 2, 3]]", "Expecting value"),
-    "a comma too many": (b"[[1, 2, 3],]", "Expecting value"),
+    "a comma too many": (b"[[1, 2, 3],]", "Expecting value|Illegal trailing comma"),
     "a comma for a point": (b"[[1, 2, 3],,[1, 2, 3]]", "Expecting value"),
     "a comma too few": (b"[[1, 2, 3] [1, 2, 3]]", "Expecting ',' delimiter"),
     "an end too early": (b"[[1, 2, 3], [1, 2", "truncated"),

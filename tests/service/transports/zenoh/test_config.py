@@ -127,8 +127,9 @@ def test_a_file_that_listens_for_others_is_refused_without_keys(settings: Settin
 def test_what_zenoh_does_not_take_is_told(settings: Settings, more: dict[str, Any]) -> None:
     with pytest.raises(InvalidParameter) as caught:
         configuration(changed(settings, **more))
-    assert "/root/" not in str(caught.value)
-    assert ".rs:" not in str(caught.value)
+    told = str(caught.value).replace(__file__, "")
+    assert "/root/" not in told  # where zenoh was built
+    assert ".rs:" not in told
 
 
 def seen(connect: str, **more: Any) -> list[str]:
