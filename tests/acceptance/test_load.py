@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from service.clouds import write_ply
+from service.engine.cloud import PointCloud
 from tests.acceptance.test_serve import serving
 from tests.conftest import ROOT
 from tests.service.measured import parsed
@@ -126,14 +127,15 @@ def watch_health(port: int) -> list[float]:
 
 
 def test_what_was_accepted_is_finished_when_the_service_is_told_to_end(
-    served: tuple[subprocess.Popen[bytes], httpx.Client], cloud: Path
+    served: tuple[subprocess.Popen[bytes], httpx.Client],
 ) -> None:
     process, client = served
     asked = 2 + QUEUE
+    body = write_ply(PointCloud(np.random.default_rng(1).uniform(0.1, 0.3, (800_000, 3)).astype(np.float32)))
 
     def ask() -> tuple[int, int]:
         own = http.client.HTTPConnection("127.0.0.1", client.base_url.port, timeout=60)
-        own.request("POST", "/v1/responses", cloud.read_bytes())
+        own.request("POST", "/v1/responses", body)
         response = own.getresponse()
         return response.status, len(json.loads(response.read())["responses"])
 
