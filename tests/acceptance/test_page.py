@@ -24,7 +24,7 @@ from tests.learnt import learnt, objects
 from tests.service.clouds.written import every_kind, png
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Route
 
 pytestmark = pytest.mark.slow
 CLOUD = ".cloud-canvas"
@@ -212,6 +212,38 @@ class TestTry:
         page.get_by_text("40 points. Drag").wait_for()
         assert colours(page, CLOUD) > 5
         visited.check((422, "/v1/responses"))
+
+    def test_of_two_samples_the_one_picked_last_is_shown_whichever_comes_first(self, visit: Visiting) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        page.wait_for_selector(".samples button")
+        held: list[Route] = []
+        page.route("**/samples/object-1.ply", lambda route: held.append(route))
+        page.get_by_role("button", name="A cylinder", exact=True).click()
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        assert page.locator(".try-cloud h2").inner_text() == "object-2.ply"
+        assert len(held) == 1
+        held[0].continue_()
+        page.wait_for_load_state("networkidle")
+        assert page.locator(".try-cloud h2").inner_text() == "object-2.ply"
+        assert page.locator(".samples [aria-pressed=true]").inner_text() == "A sphere and a box"
+        visited.check()
+
+    def test_points_that_do_not_come_are_told_in_their_place_beside_the_answer(self, visit: Visiting) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        page.wait_for_selector(".samples button")
+        page.route("**/v1/points*", lambda route: route.abort())
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        page.locator(".try-cloud").get_by_text("cannot be reached").wait_for()
+        page.unroute("**/v1/points*")
+        page.get_by_role("button", name="Try again").click()
+        page.locator(".legend-entry").first.wait_for()
+        assert page.get_by_role("alert").count() == 0
+        assert colours(page, CLOUD) > 50
+        visited.check()
 
     def test_a_million_points_are_thinned_for_display_alone(self, visit: Visiting) -> None:
         visited = visit("#/try")

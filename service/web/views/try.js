@@ -52,10 +52,11 @@ class Trial {
       this.answer.replaceChildren(failure(error, { again: () => this.begin() }));
       return;
     }
-    this.followPlace();
+    if (!this.left) this.followPlace();
   }
 
   leave() {
+    this.left = true;
     this.asking?.abort();
     this.endDropping?.();
     this.cloudPanel.close();
@@ -69,13 +70,20 @@ class Trial {
 
   /** Asks about the sample that the URL names. */
   async askAboutSample() {
-    this.asking?.abort();
+    const { signal } = this.#askAnew();
     try {
-      const sample = await this.input.sample(this.place.get("sample"));
+      const sample = await this.input.sample(this.place.get("sample"), signal);
       if (sample) this.ask(sample);
     } catch (error) {
-      this.#fail(error, () => this.askAboutSample());
+      if (!signal.aborted) this.#fail(error, () => this.askAboutSample());
     }
+  }
+
+  /** Gives up what was asked before. @returns {AbortController} of what is asked now. */
+  #askAnew() {
+    this.asking?.abort();
+    this.asking = new AbortController();
+    return this.asking;
   }
 
   /**
@@ -84,9 +92,7 @@ class Trial {
    * @param {import("./try/input.js").Cloud} cloud
    */
   async ask(cloud) {
-    this.asking?.abort();
-    const asking = new AbortController();
-    this.asking = asking;
+    const asking = this.#askAnew();
     this.cloud = cloud;
     this.cloudPanel.begin(cloud);
     this.answer.replaceChildren(loading(`Asking about ${cloud.name} …`));
@@ -96,7 +102,9 @@ class Trial {
       if (this.asking !== asking) return;
       this.#showAnswer(answer, model, cloud);
       const points = await seeing;
-      if (this.asking === asking && !(points instanceof Error)) this.cloudPanel.explain(answer, model, cloud.scene);
+      if (this.asking !== asking) return;
+      if (points instanceof Error) this.cloudPanel.fail(failure(points, { again: () => this.ask(cloud) }));
+      else this.cloudPanel.explain(answer, model, cloud.scene);
     } catch (error) {
       if (error.name !== "AbortError" && this.asking === asking) this.#fail(error);
       await seeing;

@@ -50,12 +50,12 @@ export class Input {
   }
 
   /** The sample of a file's name, null where there is none. @returns {Promise<Cloud|null>} */
-  async sample(file) {
+  async sample(file, signal) {
     const sample = this.samples.find((one) => one.file === file);
     for (const button of this.buttons.querySelectorAll("button"))
       button.setAttribute("aria-pressed", String(button.dataset.file === file));
     if (!sample) return null;
-    const data = await (await api.request(`page/samples/${sample.file}`)).blob();
+    const data = await (await api.request(`page/samples/${sample.file}`, { signal })).blob();
     this.element.querySelector(`[value=${sample.scene ? "scene" : "object"}]`).checked = true;
     this.current = { name: sample.file, data, mask: null, scene: sample.scene, reading: {} };
     return this.current;
