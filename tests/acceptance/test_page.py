@@ -374,6 +374,37 @@ class TestConcepts:
         assert httpx.get(f"{host}/v1/models/toys/names").json()["names"] == []
         visited.check()
 
+    def test_the_way_back_leads_to_the_model_that_was_shown_before(self, browser: Browser, tmp_path: Path) -> None:
+        place = Place(tmp_path)
+        for seed in (5, 6):
+            place.store.publish(learnt(), name="toys", seed=seed, source={})
+        port = free_port()
+        visited = Visit(browser, f"http://127.0.0.1:{port}")
+        with place.api(port):
+            page = visited.open("#/concepts")
+            page.get_by_text("of toys:2.").wait_for()
+            page.locator("#model").select_option("toys:1")
+            page.get_by_text("of toys:1.").wait_for()
+            page.locator(".concept-row").first.click()
+            page.go_back()
+            page.get_by_text("of toys:2.").wait_for()
+            assert page.locator("#model").input_value() == "toys:2"
+            held: list[Route] = []
+            page.route("**/toys:1/annexations", lambda route: held.append(route))
+            page.reload()
+            page.get_by_text("of toys:2.").wait_for()
+            page.locator("#model").select_option("toys:1")
+            with page.expect_response("**/toys:1/labels"):
+                pass
+            page.go_back()  # while it is loaded
+            page.get_by_text("of toys:2.").wait_for()
+            held[0].continue_()
+            page.wait_for_load_state("networkidle")
+            page.get_by_text("of toys:2.").wait_for()
+            assert page.locator("#model").input_value() == "toys:2"
+        visited.close()
+        assert visited.complaints == []
+
     def test_a_model_that_is_not_there_is_told_in_the_services_words(self, visit: Visiting) -> None:
         visited = visit("#/concepts?model=nobody:3")
         visited.page.get_by_role("alert").get_by_text("nobody").wait_for()
@@ -381,6 +412,46 @@ class TestConcepts:
 
 
 class TestEverywhere:
+    @pytest.mark.parametrize(
+        ("place", "refused"),
+        [
+            ("#/concepts?model=../../healthz", {(404, "/v1/models/..%2F..%2Fhealthz")}),
+            ("#/train?job=../../v1/jobs%3Fx%3D", {(404, "/v1/jobs/..%2F..%2Fv1%2Fjobs%3Fx%3D/events")}),
+        ],
+    )
+    def test_an_address_reaches_nothing_but_what_it_names(
+        self, visit: Visiting, place: str, refused: set[tuple[int, str]]
+    ) -> None:
+        visited = visit(place)
+        visited.page.get_by_role("alert").wait_for()
+        visited.check(*refused)
+
+    @pytest.mark.parametrize("place", ["#/nonsense?time=abc", "#/%E0%A4%A", "#/try?sample=none&colour=no&time=-"])
+    def test_an_address_that_means_nothing_opens_the_first_view(self, visit: Visiting, place: str) -> None:
+        visited = visit(place)
+        page = visited.page
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        assert "#/try?" in page.url
+        visited.check()
+
+    @pytest.mark.parametrize("view", ["concepts", "train", "live"])
+    def test_a_file_that_is_dropped_beside_what_takes_it_does_not_take_the_pages_place(
+        self, visit: Visiting, view: str
+    ) -> None:
+        page = visit(f"#/{view}").page
+        page.locator("main h1").wait_for(state="attached")
+        for kind in ("dragover", "drop"):
+            assert not page.evaluate(
+                """(kind) => {
+                    const dataTransfer = new DataTransfer();
+                    dataTransfer.items.add(new File(["1 2 3"], "stray.xyz"));
+                    const event = new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true });
+                    return document.querySelector("main").dispatchEvent(event);
+                }""",
+                kind,
+            )
+
     @pytest.mark.parametrize("scheme", ["light", "dark"])
     @pytest.mark.parametrize("size", [PHONE, DESKTOP], ids=["phone", "desktop"])
     @pytest.mark.parametrize("place", ["#/try?sample=scene.ply", "#/concepts?time=0.9", "#/train", "#/live"])

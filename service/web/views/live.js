@@ -30,14 +30,15 @@ class Live {
   }
 
   async load() {
-    this.root.replaceChildren(h("h1", { class: "unseen" }, "Live"), loading());
+    const title = h("h1", { class: "unseen" }, "Live");
+    this.root.replaceChildren(title, loading());
     try {
       const { streams } = await get("v1/streams", { signal: this.leaving.signal });
-      if (!streams.length) this.root.replaceChildren(noStreams());
+      if (!streams.length) this.root.replaceChildren(title, noStreams());
       else this.begin(streams);
     } catch (error) {
       if (!this.leaving.signal.aborted) {
-        this.root.replaceChildren(failure(error, { again: () => this.load() }));
+        this.root.replaceChildren(title, failure(error, { again: () => this.load() }));
       }
     }
   }

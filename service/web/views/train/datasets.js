@@ -1,5 +1,5 @@
 /** The panel of datasets: which there are, what they hold, and files dropped into one of them. */
-import { get } from "../../api.js";
+import { get, pathOf } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 import { empty, failure } from "../../parts/states.js";
@@ -151,7 +151,7 @@ function dropZone(context, target, made) {
       if (!dataset) throw Object.assign(new Error("Type a name for the new dataset first, then drop the files again."),
         { title: "The dataset has no name", status: 422 });
       const how = { unit: unit.value || null, replace: replace.checked };
-      await get(`v1/datasets/${dataset}`, { method: "PUT", signal: context.signal });
+      await get(pathOf`v1/datasets/${dataset}`, { method: "PUT", signal: context.signal });
       try {
         await verdicts.follow(found, context.signal, (more) => send(dataset, found, { ...how, ...more }));
       } finally {

@@ -1,5 +1,5 @@
 /** One job, followed live: its stages, the time left, its log, and what came of it. */
-import { get } from "../../api.js";
+import { get, pathOf } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { follow } from "../../parts/events.js";
 import { failure, loading } from "../../parts/states.js";
@@ -42,7 +42,7 @@ export class FollowedJob {
     const signal = AbortSignal.any([this.following.signal, this.context.signal]);
     this.log.replaceChildren();
     try {
-      await follow(`v1/jobs/${this.id}/events`, {
+      await follow(pathOf`v1/jobs/${this.id}/events`, {
         signal,
         on: (event) => this.told(event),
         connected: (is) => this.lost.classList.toggle("hidden", is || this.isOver()),
@@ -116,7 +116,7 @@ export class FollowedJob {
 
   buttons(job) {
     const act = (what) => (event) => doing(event.currentTarget, this.problem, async () => {
-      await get(`v1/jobs/${this.id}/${what}`, { method: "POST", signal: this.context.signal });
+      await get(pathOf`v1/jobs/${this.id}/${what}`, { method: "POST", signal: this.context.signal });
       if (what === "retry") {
         this.following.abort();
         this.begin();

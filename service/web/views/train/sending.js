@@ -1,5 +1,5 @@
 /** Files into a dataset: small ones together, archives in pieces, so that one sees how far it is and loses nothing. */
-import { get, Problem, request } from "../../api.js";
+import { get, pathOf, Problem, request } from "../../api.js";
 import { passes, pause } from "../../parts/events.js";
 import { pack } from "./tar.js";
 
@@ -27,7 +27,7 @@ const TAR = "application/x-tar";
  * @throws {Problem} the dataset is not there, or may not be altered, or the service cannot be reached.
  */
 export async function* send(dataset, files, { signal, unit, replace, sent }) {
-  const how = { path: `v1/datasets/${dataset}`, signal, unit, replace: replace || null, sent };
+  const how = { path: pathOf`v1/datasets/${dataset}`, signal, unit, replace: replace || null, sent };
   const archives = files.filter(({ file }) => ARCHIVE.test(file.name));
   const labels = files.filter(({ file }) => file.name === "labels.csv");
   const clouds = files.filter((one) => !archives.includes(one) && !labels.includes(one));
