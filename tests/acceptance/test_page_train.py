@@ -283,7 +283,12 @@ def test_a_job_is_cancelled_and_let_go_on(visit: Visiting, host: str) -> None:
     page.get_by_label("Renderer").select_option("raycast")
     page.get_by_role("button", name="Submit").click()
     state(page, "running")
-    page.get_by_role("button", name="Cancel").click()
+    for focused, anew in ((".job-list a", ".job-list li"), (".job .danger", ".job .stages")):
+        page.locator(focused).focus()
+        page.locator(anew).evaluate("(element) => element.setAttribute('data-before', '')")
+        page.locator(f"{anew}:not([data-before])").wait_for()  # there are news
+        assert page.locator(focused).evaluate("(element) => element === document.activeElement")
+    page.keyboard.press("Enter")
     state(page, "cancelled")
     page.get_by_role("button", name="Retry").click()
     state(page, "running")

@@ -1,5 +1,6 @@
 /** The concepts of a time: sizes, names, purity where labels exist, some prototypes. */
 import { counted, h } from "../../parts/elements.js";
+import { keepingFocus } from "../../parts/focus.js";
 import { purityOf, titleOf } from "../../parts/model.js";
 import { empty } from "../../parts/states.js";
 import { swatch } from "../try/painting.js";
@@ -45,7 +46,6 @@ export class List {
     }
     const listed = concepts.slice(0, this.most);
     if (shown !== null && !listed.includes(shown)) listed.push(shown);
-    const focused = this.body.contains(document.activeElement) ? document.activeElement.dataset.concept : null;
     const rest = concepts.length - listed.length;
     const more = h(
       "button",
@@ -59,11 +59,8 @@ export class List {
       },
       `Show more of ${rest}`,
     );
-    this.body.replaceChildren(
-      ...listed.map((concept) => this.#row(concept, shown, model)),
-      ...(rest > 0 ? [more] : []),
-    );
-    if (focused) this.body.querySelector(`[data-concept="${focused}"]`)?.focus();
+    const rows = listed.map((concept) => this.#row(concept, shown, model));
+    keepingFocus(this.body, () => this.body.replaceChildren(...rows, ...(rest > 0 ? [more] : [])));
   }
 
   #row(concept, shown, model) {

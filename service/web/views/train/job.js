@@ -21,12 +21,13 @@ export class FollowedJob {
   constructor(context, id, ended) {
     Object.assign(this, { context, id, ended });
     this.head = h("div", {}, loading());
+    this.actions = h("p", { class: "buttons" });
     this.problem = h("div");
     this.outcome = h("div");
     this.lost = h("p", { class: "fine hidden", role: "status" }, "The connection is lost; trying again …");
     this.log = h("pre", { class: "log", tabindex: "0", "aria-label": "Log of the job" });
     this.logs = h("details", { open: true }, h("summary", {}, "Log"), this.log);
-    this.element = h("article", { class: "job", "aria-live": "off" }, this.head, this.problem, this.lost, this.outcome,
+    this.element = h("article", { class: "job", "aria-live": "off" }, this.head, this.actions, this.problem, this.lost, this.outcome,
       this.logs);
     this.ticking = setInterval(() => this.tick(), 1000);
     this.begin();
@@ -70,7 +71,8 @@ export class FollowedJob {
   }
 
   show(job) {
-    const wasUnderWay = this.job !== undefined && !this.isOver();
+    const before = this.job;
+    const wasUnderWay = before !== undefined && !over(before);
     this.job = job;
     this.left = job.progress?.left_s ?? null;
     this.toldAt = Date.now();
@@ -79,8 +81,10 @@ export class FollowedJob {
       h("p", { class: "fine" }, "Submitted ", when(job.submitted), job.started && [", begun ", when(job.started)],
         job.finished && [", over ", when(job.finished)], job.worker && ` · worker ${job.worker}`,
         " · ", h("code", {}, job.id)),
-      ...[this.progress(job), this.buttons(job)].filter(Boolean),
+      ...[this.progress(job)].filter(Boolean),
     );
+    // The buttons stay while it goes on, so that they can be hit between two reports.
+    if (before?.state !== job.state) this.actions.replaceChildren(...[this.button(job)].filter(Boolean));
     this.outcome.replaceChildren(...[this.outcomeOf(job)].flat().filter(Boolean));
     if (over(job)) this.logs.open = job.state !== "done";
     if (wasUnderWay && over(job)) this.ended(job);
@@ -114,7 +118,7 @@ export class FollowedJob {
     this.time.textContent = `about ${duration(this.left - (Date.now() - this.toldAt) / 1000)} left`;
   }
 
-  buttons(job) {
+  button(job) {
     const act = (what) => (event) => doing(event.currentTarget, this.problem, async () => {
       await get(pathOf`v1/jobs/${this.id}/${what}`, { method: "POST", signal: this.context.signal });
       if (what === "retry") {
@@ -122,13 +126,9 @@ export class FollowedJob {
         this.begin();
       }
     });
-    if (!over(job)) {
-      return h("p", { class: "buttons" }, h("button", { type: "button", class: "danger", click: act("cancel") },
-        "Cancel"));
-    }
+    if (!over(job)) return h("button", { type: "button", class: "danger", click: act("cancel") }, "Cancel");
     if (job.state === "done") return null;
-    return h("p", { class: "buttons" }, h("button", { type: "button", click: act("retry") },
-      "Retry, from the stage at which it ended"));
+    return h("button", { type: "button", click: act("retry") }, "Retry, from the stage at which it ended");
   }
 
   outcomeOf(job) {

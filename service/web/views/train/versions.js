@@ -69,7 +69,7 @@ export function versionsPanel(context) {
           one.counts.concepts ?? "–"),
         names.map((name) => h("td", { class: "number" }, one.metrics?.[name]?.toFixed(3) ?? "–")),
         h("td", {}, !serves && !model.built_in && h("button", { type: "button",
-          click: (event) => promote(event.currentTarget, reference) }, "Promote")));
+          "aria-label": `Promote ${reference}`, click: (event) => promote(event.currentTarget, reference) }, "Promote")));
     });
     return h("div", { class: "wide" }, h("table", { class: "versions" }, h("thead", {}, h("tr", {}, heads.map((head) =>
       h("th", { scope: "col" }, head)))), h("tbody", {}, rows)));
