@@ -34,7 +34,7 @@ export async function follow(path, { query, signal, on, connected = () => {} }) 
       if (signal.aborted) return;
       if (error instanceof Problem && !passes(error)) throw error;
       if (error instanceof Problem) why = error;
-      else if (!(error instanceof TypeError)) throw error; // of our own; a broken connection is a TypeError
+      else if (!(error instanceof Lost)) throw error; // of our own
     }
     if (signal.aborted) return;
     connected(false, why);
@@ -51,10 +51,18 @@ export function passes(error) {
 /** Waits some milliseconds, or until the signal says that nobody waits any longer. */
 export function pause(milliseconds, signal) {
   return new Promise((resolve) => {
-    const timer = setTimeout(resolve, milliseconds);
-    signal?.addEventListener("abort", () => { clearTimeout(timer); resolve(); }, { once: true });
+    const end = () => {
+      clearTimeout(timer);
+      signal?.removeEventListener("abort", end); // the signal may outlive many pauses
+      resolve();
+    };
+    const timer = setTimeout(end, milliseconds);
+    signal?.addEventListener("abort", end);
   });
 }
+
+/** The connection broke off. */
+class Lost extends Error {}
 
 /** The events of a body as they come. Comments and what announces nothing are left out. */
 async function* events(body) {
@@ -63,7 +71,9 @@ async function* events(body) {
   let from = 0; // before it, no event ends
   try {
     for (;;) {
-      const { value, done } = await reader.read();
+      const { value, done } = await reader.read().catch((error) => {
+        throw new Lost(error.message);
+      });
       if (done) return;
       text += value.replaceAll("\r", "");
       for (let end; (end = text.indexOf("\n\n", from)) >= 0; from = 0) {
