@@ -22,7 +22,7 @@ from tests.acceptance.jobs_place import Place, free_port
 from tests.learnt import learnt, objects
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator, Page
+    from playwright.sync_api import Browser, Locator, Page, Route
 
 pytestmark = pytest.mark.slow
 Visiting = Callable[..., Visit]
@@ -174,6 +174,45 @@ def test_files_that_are_dropped_become_a_dataset_with_a_verdict_on_each(visit: V
     page.get_by_role("cell", name="blåbær.ply").last.wait_for()
     drop(page, {"0.ply": ply(0), "torn.ply": ply(4)})
     page.get_by_text("1 taken, 1 already there").wait_for()
+    visited.check()
+
+
+def test_what_is_dropped_while_files_are_being_sent_waits_for_its_turn(visit: Visiting, host: str) -> None:
+    visited = visit("#/train?dataset=shelf")
+    page = visited.page
+    page.get_by_text("14 clouds,").wait_for()
+    held: list[Route] = []
+    page.route("**/shelf/archive*", lambda route: held.append(route))
+    with page.expect_request("**/shelf/archive*"):
+        drop(page, {"a.ply": ply(0)})
+    drop(page, {"b.ply": ply(1)})
+    page.locator(".drop").get_by_text("Files are being sent").wait_for()
+    held[0].continue_()
+    page.unroute("**/shelf/archive*")
+    assert verdicts(page) == {"a.ply": "taken"}
+    drop(page, {"b.ply": ply(1)})
+    page.get_by_text("16 clouds,").wait_for()
+    assert verdicts(page) == {"b.ply": "taken"}
+    assert page.locator(".drop").get_by_role("alert").count() == 0
+    visited.check()
+
+
+@pytest.mark.usefixtures("worker")
+def test_a_new_dataset_that_is_being_named_stays_so_when_a_job_makes_another_one(visit: Visiting) -> None:
+    visited = visit("#/train")
+    page = visited.page
+    page.get_by_text("14 clouds,").wait_for()
+    new_dataset(page, "kitchen")
+    page.get_by_label("Simulate clouds").check()
+    page.get_by_label("Objects", exact=True).fill("2")
+    page.get_by_label("Renderer").select_option("raycast")
+    page.get_by_role("button", name="Submit").click()
+    state(page, "done")
+    page.locator("select option[value=simulated]").first.wait_for(state="attached")
+    page.wait_for_load_state("networkidle")
+    assert page.get_by_label("Dataset", exact=True).input_value() == ""
+    assert page.get_by_label("Name of the new dataset").input_value() == "kitchen"
+    assert page.get_by_label("Name of the new dataset").is_visible()
     visited.check()
 
 
@@ -359,6 +398,8 @@ def test_who_may_not_train_is_told_so_where_they_tried(browser: Browser, place: 
         visited = Visit(browser, f"http://127.0.0.1:{port}")
         page = visited.open("#/train")
         page.get_by_text("An access key is needed").first.wait_for()
+        page.wait_for_load_state("networkidle")
+        assert page.get_by_role("alert").count() == 1  # it is said once
         page.get_by_role("button", name="Access key").click()
         page.get_by_role("dialog").get_by_label("Key", exact=True).fill(text)
         page.get_by_role("button", name="Use it").click()

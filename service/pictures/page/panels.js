@@ -41,7 +41,7 @@ function thumbnails(near, picture) {
     "div",
     { class: "thumbnails" },
     ...near.map((one) =>
-      make("figure", {}, make("img", { src: picture.thumbnails[one.object], alt: one.key, width: 76, height: 76 }), `${one.key}, ${one.distance.toFixed(2)}`),
+      make("figure", {}, make("img", { src: picture.thumbnails[one.object], alt: one.key, width: 76, height: 76 }), `${one.key}, ${one.distance.toPrecision(3)}`),
     ),
   );
 }

@@ -6,7 +6,8 @@ import { empty } from "../../parts/states.js";
 import { swatch } from "../try/painting.js";
 
 const FIRST = 60; // concepts that are listed at first
-const PROTOTYPES = 4;
+const MORE = 200; // with each further step
+const PROTOTYPES = 4; // pictures of each
 const PAUSE = 100; // milliseconds
 
 export class List {
@@ -53,11 +54,11 @@ export class List {
         type: "button",
         class: "quiet",
         click: () => {
-          this.most += 200;
+          this.most += MORE;
           this.#fill();
         },
       },
-      `Show more of ${rest}`,
+      `Show ${Math.min(rest, MORE)} more`,
     );
     const rows = listed.map((concept) => this.#row(concept, shown, model));
     keepingFocus(this.body, () => this.body.replaceChildren(...rows, ...(rest > 0 ? [more] : [])));
