@@ -203,6 +203,24 @@ class TestTry:
         assert page.get_by_role("alert").count() == 0
         visited.check((415, "/v1/points"), (415, "/v1/responses"))
 
+    def test_a_file_that_was_changed_since_it_was_picked_is_to_be_picked_again(
+        self, visit: Visiting, tmp_path: Path
+    ) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        scan = tmp_path / "scan.ply"
+        scan.write_bytes(write_ply(objects()[0].cloud))
+        page.locator("#file").set_input_files(scan)
+        page.wait_for_selector(".why")
+        scan.write_bytes(write_ply(objects()[1].cloud))
+        page.get_by_text("A whole scene").click()
+        page.get_by_role("alert").get_by_text("scan.ply is a folder, or was changed").wait_for()
+        assert not page.locator(".try-cloud").is_visible()
+        page.get_by_text("One object").click()
+        page.locator("#file").set_input_files(scan)
+        page.wait_for_selector(".why")
+        visited.check()
+
     def test_a_cloud_that_cannot_be_answered_is_drawn_nevertheless(self, visit: Visiting) -> None:
         visited = visit("#/try")
         page = visited.page

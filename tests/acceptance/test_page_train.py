@@ -177,6 +177,29 @@ def test_files_that_are_dropped_become_a_dataset_with_a_verdict_on_each(visit: V
     visited.check()
 
 
+def test_files_that_are_changed_or_gone_before_their_turn_are_refused_and_others_taken(
+    visit: Visiting, tmp_path: Path
+) -> None:
+    visited = visit("#/train")
+    page = visited.page
+    new_dataset(page, "many")
+    files = [tmp_path / f"{number}.ply" for number in range(26)]  # more than are sent together
+    for number, file in enumerate(files):
+        file.write_bytes(ply(number % 14))
+
+    def change(route: Route) -> None:
+        files[24].write_bytes(ply(3))
+        route.continue_()
+
+    page.route("**/many/archive*", change, times=1)
+    page.set_input_files(".drop input:not([webkitdirectory])", files)
+    told = verdicts(page)
+    assert {file: verdict for file, verdict in told.items() if verdict != "taken"} == {"24.ply": "refused"}
+    assert len(told) == 26
+    page.get_by_text("changed or taken away since it was picked").wait_for()
+    visited.check()
+
+
 def test_what_is_dropped_while_files_are_being_sent_waits_for_its_turn(visit: Visiting, host: str) -> None:
     visited = visit("#/train?dataset=shelf")
     page = visited.page

@@ -1,6 +1,7 @@
 /** Try: a cloud or a scene in, the concepts that it resembles out, and why. */
 import * as api from "../api.js";
 import { h } from "../parts/elements.js";
+import { faultOf } from "../parts/files.js";
 import { loadModel } from "../parts/model.js";
 import { modelChooser } from "../parts/model_chooser.js";
 import { readPoints } from "../parts/ply.js";
@@ -96,6 +97,13 @@ class Trial {
     this.cloud = cloud;
     this.cloudPanel.begin(cloud);
     this.answer.replaceChildren(loading(`Asking about ${cloud.name} …`));
+    const fault = (await faultOf(cloud.data)) ?? (cloud.mask && (await faultOf(cloud.mask)));
+    if (asking.signal.aborted) return;
+    if (fault) {
+      this.cloudPanel.fail();
+      this.#fail(fault);
+      return;
+    }
     const seeing = this.#points(cloud, asking.signal).catch((error) => error);
     try {
       const [answer, model] = await Promise.all([this.#respond(cloud, asking.signal), loadModel(this.reference)]);
