@@ -288,7 +288,7 @@ class TestTry:
         page.evaluate(
             """(text) => {
                 const transfer = new DataTransfer();
-                transfer.items.add(new File([text], "dropped.xyz"));
+                for (const name of ["dropped.xyz", "other.xyz"]) transfer.items.add(new File([text], name));
                 document.querySelector("main").dispatchEvent(
                     new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
             }""",
@@ -296,6 +296,7 @@ class TestTry:
         )
         page.wait_for_selector(".why")
         assert page.locator(".try-cloud h2").inner_text() == "dropped.xyz"
+        page.get_by_text("Of the 2 files, only dropped.xyz is asked about").wait_for()
         visited.check()
 
 

@@ -271,6 +271,18 @@ def test_a_lost_connection_is_told_and_found_again(browser: Browser, tmp_path: P
     visited.close()
 
 
+def test_a_connection_on_which_not_even_silence_is_told_is_made_anew(visit: Visiting) -> None:
+    visited = visit("#/try")
+    page = visited.page
+    page.clock.install()
+    page.locator("nav a", has_text="Live").click()
+    live(page)
+    with page.expect_request("**/v1/streams/events*"):
+        page.clock.fast_forward(60_000)  # the browser believes that a minute has passed
+    live(page)
+    visited.check()
+
+
 def test_why_there_is_nothing_to_watch_is_told(browser: Browser, tmp_path: Path) -> None:
     site = Site(tmp_path, access="keys")
     keys = KeyStore(site.place.store.url)

@@ -3,6 +3,7 @@ import { Problem, request } from "../api.js";
 
 const SHORTEST = 1000; // milliseconds before the first attempt to connect again
 const LONGEST = 15000;
+const SILENT = 45000; // milliseconds without a word, though the service says every 15 s that it is there
 
 /**
  * Follows events until one of them is the last, or the signal says so; connects again when the connection is lost.
@@ -64,6 +65,15 @@ export function pause(milliseconds, signal) {
 /** The connection broke off. */
 class Lost extends Error {}
 
+/** What is read, unless the connection breaks off, or breaks without a word, as where a cable is pulled. */
+function inTime(reading) {
+  return new Promise((read, failed) => {
+    const lost = (why) => failed(new Lost(why));
+    const timer = setTimeout(() => lost("silent"), SILENT);
+    reading.then(read, (error) => lost(error.message)).finally(() => clearTimeout(timer));
+  });
+}
+
 /** The events of a body as they come. Comments and what announces nothing are left out. */
 async function* events(body) {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
@@ -71,9 +81,7 @@ async function* events(body) {
   let from = 0; // before it, no event ends
   try {
     for (;;) {
-      const { value, done } = await reader.read().catch((error) => {
-        throw new Lost(error.message);
-      });
+      const { value, done } = await inTime(reader.read());
       if (done) return;
       text += value.replaceAll("\r", "");
       for (let end; (end = text.indexOf("\n\n", from)) >= 0; from = 0) {
