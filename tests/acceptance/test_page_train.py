@@ -15,6 +15,7 @@ import pytest
 
 from service.clouds import write_ply
 from service.datasets import Datasets
+from service.engine.params import ModelParams
 from service.keys import KeyStore
 from service.labels import Label
 from tests.acceptance.browsing import DESKTOP, PHONE, Visit, chromium
@@ -407,9 +408,17 @@ def test_parameters_that_were_altered_are_sent_and_others_are_not(visit: Visitin
     spec = told(host, "jobs")["jobs"][0]["spec"]
     assert (spec["seed"], spec["simulate"], spec["simulation"]) == (11, 250, {"orders": [1, 2]})
     assert spec["params"]["dictionary"] == {"levels": 3}
-    page.get_by_label("levels", exact=True).fill("99")  # out of its range: the browser says so itself
+    page.get_by_label("Begin with").select_option(label="the paper's own choices")
     page.get_by_role("button", name="Submit").click()
-    assert len(told(host, "jobs")["jobs"]) == 1
+    page.locator(".job-list li").nth(1).wait_for()
+    spec = told(host, "jobs")["jobs"][0]["spec"]
+    assert ModelParams.model_validate(spec["params"]) == ModelParams.preset("paper")
+    page.get_by_label("levels", exact=True).fill("99")  # out of its range: the browser says so itself
+    page.get_by_text("Seed and parameters").click()
+    page.get_by_label("levels", exact=True).wait_for(state="hidden")
+    page.get_by_role("button", name="Submit").click()
+    page.get_by_label("levels", exact=True).wait_for()
+    assert len(told(host, "jobs")["jobs"]) == 2
     visited.check()
 
 
