@@ -23,15 +23,19 @@ export function show(root, place) {
     leave: () => leaving.abort(),
   };
 
-  /** Shows the panels; where nothing may be seen, that is said once, not by each of them. */
+  /** Shows the panels; where a key is needed, that is said once. What a key does not allow, each says of itself. */
   async function begin() {
     root.replaceChildren(h("h1", { class: "unseen" }, "Train"), loading());
     try {
       await models(leaving.signal);
-      if (!leaving.signal.aborted) panels = fill(root, { place, shared: new EventTarget(), signal: leaving.signal });
     } catch (error) {
-      if (!leaving.signal.aborted) root.lastChild.replaceWith(failure(error, { again: begin }));
+      if (leaving.signal.aborted) return;
+      if (error.status !== 403) {
+        root.lastChild.replaceWith(failure(error, { again: begin }));
+        return;
+      }
     }
+    if (!leaving.signal.aborted) panels = fill(root, { place, shared: new EventTarget(), signal: leaving.signal });
   }
 }
 
