@@ -14,12 +14,16 @@ const FATES = {
   untold: "untold",
 };
 
-/** @param {string[]} pair NAME:VERSION of both, the earlier one first. @param {AbortSignal} signal */
+/**
+ * @param {string[]} pair NAME:VERSION of both, the earlier one first.
+ * @param {AbortSignal} signal
+ * @returns {{element: HTMLElement, filled: Promise<void>}}
+ */
 export function comparison([old, later], signal) {
   const place = h("div", { class: "comparison" });
   const [name, version] = old.split(":");
   const [laterName, laterVersion] = later.split(":");
-  loadInto(place, signal, () => Promise.all([
+  const filled = loadInto(place, signal, () => Promise.all([
     get(pathOf`v1/models/${name}/versions/${version}/compare`, { query: { with: later }, signal }),
     get(pathOf`v1/models/${name}/versions/${version}`, { signal }),
     get(pathOf`v1/models/${laterName}/versions/${laterVersion}`, { signal }),
@@ -31,7 +35,7 @@ export function comparison([old, later], signal) {
     after.metrics && before.metrics && figures(after.metrics, before.metrics),
     concepts(told),
   ]);
-  return place;
+  return { element: place, filled };
 }
 
 /** How many concepts have each fate, as one bar. */

@@ -3,7 +3,7 @@ import { get, pathOf } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { follow } from "../../parts/events.js";
 import { failure, loading } from "../../parts/states.js";
-import { duration, when } from "../../parts/words.js";
+import { count, duration, when } from "../../parts/words.js";
 import { linkTo } from "../../place.js";
 import { doing } from "./changes.js";
 import { badge, over, whatOf } from "./jobs.js";
@@ -137,7 +137,7 @@ export class FollowedJob {
         h("p", {}, job.error.detail));
     }
     const made = job.result;
-    if (made?.kind === "simulate") return h("p", {}, `${made.clouds} clouds were added to ${made.dataset}.`);
+    if (made?.kind === "simulate") return h("p", {}, `${count(made.clouds, "cloud was", "clouds were")} added to ${made.dataset}.`);
     if (made?.kind === "evaluate") {
       return [h("p", {}, `Judged by ${made.clouds} clouds; the model refused ${made.unanswered} others.`),
         figures(made.metrics), reportOf(this.id, this.context.signal)];
@@ -152,9 +152,9 @@ export class FollowedJob {
     const compare = made.parent && linkTo("train", { ...Object.fromEntries(parameters), model: made.model,
       compare: `${made.parent},${version}` });
     return h("div", { class: "made" },
-      h("p", {}, h("strong", {}, version), ` was learnt from ${made.clouds - made.left_out} clouds ${promoted}.`,
-        made.left_out > 0 && ` ${made.left_out} clouds could not be learnt from: the log says which.`,
-        made.names_carried > 0 && ` ${made.names_carried} names of concepts were carried over.`),
+      h("p", {}, h("strong", {}, version), ` was learnt from ${count(made.clouds - made.left_out, "cloud")} ${promoted}.`,
+        made.left_out > 0 && ` ${count(made.left_out, "cloud")} could not be learnt from: the log says which.`,
+        made.names_carried > 0 && ` ${count(made.names_carried, "name was", "names were")} carried over.`),
       made.reasons.length > 0 && h("ul", {}, made.reasons.map((reason) => h("li", {}, reason))),
       made.metrics && figures(made.metrics),
       h("p", { class: "buttons" }, h("a", { class: "button", href: linkTo("concepts", { model: version }) },

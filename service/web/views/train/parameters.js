@@ -78,7 +78,8 @@ export class ParameterFields {
 /** The main parameters of mental simulation. */
 export class SimulationFields {
   constructor() {
-    this.from = h("input", { type: "number", min: 1, max: 12, value: 1, required: true, "aria-label": "fewest parts" });
+    this.from = h("input", { type: "number", min: 1, max: 12, value: 1, required: true, "aria-label": "fewest parts",
+      input: () => { this.to.min = this.from.value; } });
     this.to = h("input", { type: "number", min: 1, max: 12, value: 5, required: true, "aria-label": "most parts" });
     this.noise = h("select", {}, h("option", { value: "kinect" }, "as of a Kinect"),
       h("option", { value: "none" }, "none"));
