@@ -97,6 +97,8 @@ class TestTry:
         own = [concept for concept in expected["concepts"] if concept["time"] == expected["time"]]
         told = page.locator(".answer > section").first.locator("> div > .ranked .rank-name").all_inner_texts()
         assert told == [f"Concept {concept['id']}" for concept in own[:6]]
+        link = page.locator(".rank-name").first.get_attribute("href")
+        assert link == f"#/concepts?model=toys:1&concept={own[0]['id']}"
         assert page.locator(".novelty .number").inner_text() == f"{round(100 * expected['novelty'])} %"
         assert page.locator(".timings li > span:first-child").all_inner_texts()[:2] == ["decode", "normalise"]
         assert page.locator(".legend-entry").count() == expected["segments"]
