@@ -297,7 +297,6 @@ def test_a_job_is_followed_to_its_end_judged_and_its_version_compared_promoted_a
     page.get_by_role("link", name="Compare with toys:1").click()
     comparison = page.locator(".comparison")
     comparison.get_by_text("From toys:1 to toys:2").wait_for()
-    page.wait_for_timeout(200)
     box = comparison.bounding_box()
     assert box is not None
     assert box["y"] + min(box["height"], 300) <= DESKTOP[1] + 1  # it is to be seen
