@@ -7,13 +7,14 @@ what the defaults gain over them is measured in `tests/benchmarks/RESULTS.md`.
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from service.engine.errors import InvalidParameter
 
 MAX_OBJECTS = 1000
+PRESETS = ("default", "paper")
 
 
 class StageParams(BaseModel):
@@ -188,8 +189,17 @@ class ResponseParams(StageParams):
     )
 
 
+def _tell_presets(schema: dict[str, Any]) -> None:
+    """What differs from the default in each preset, for those who fill in a form."""
+    schema["x-presets"] = {
+        name: ModelParams.preset(name).model_dump(mode="json", exclude_defaults=True) for name in PRESETS
+    }
+
+
 class ModelParams(StageParams):
     """All parameters of a shape model, stage by stage, in the order of the method."""
+
+    model_config = ConfigDict(json_schema_extra=_tell_presets)
 
     cloud: CloudParams = CloudParams()
     patches: PatchParams = PatchParams()

@@ -35,6 +35,16 @@ export function onKeyChange(listener) {
 }
 
 /**
+ * A path with names in it that were typed or stand in the URL, whatever they are: pathOf`v1/jobs/${id}/events`.
+ *
+ * @returns {string}
+ */
+export function pathOf(parts, ...names) {
+  const quoted = names.map((name) => encodeURIComponent(name).replaceAll("%3A", ":").replaceAll("%40", "@"));
+  return String.raw({ raw: parts }, ...quoted);
+}
+
+/**
  * Sends a request; its answer was a success. One that is not let in (429) is sent again after a pause.
  *
  * @param {string} path relative to the page; a leading / is taken for the service's root.

@@ -37,8 +37,9 @@ let open = { name: null, shown: null, turn: 0 };
 async function follow() {
   const place = new Place(location.hash);
   const view = VIEWS.find((one) => one.name === place.view) ?? VIEWS[0];
+  place.view = view.name; // of a view that there is not, nothing stays in the URL
   if (view.name === open.name && open.shown) {
-    open.place.moveTo(location.hash);
+    open.place.moveTo(place.link());
     open.shown.changed?.();
     return;
   }
@@ -66,6 +67,13 @@ async function show(view, place) {
   }
 }
 
+/** Keeps the browser from opening, in the place of the page, a file that is dropped beside what takes files. */
+function refuseFiles(event) {
+  if (event.defaultPrevented || !event.dataTransfer?.types.includes("Files")) return;
+  event.preventDefault();
+  event.dataTransfer.dropEffect = "none";
+}
+
 for (const view of VIEWS) {
   navigation.append(h("a", { href: `#/${view.name}`, "data-view": view.name }, view.title));
 }
@@ -74,6 +82,7 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault(); // the hash is the place
   root.focus();
 });
+for (const name of ["dragover", "drop"]) addEventListener(name, refuseFiles);
 addEventListener("hashchange", follow);
 api.onKeyChange(() => {
   document.getElementById("key").classList.toggle("held", api.hasKey());

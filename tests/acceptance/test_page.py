@@ -24,7 +24,7 @@ from tests.learnt import learnt, objects
 from tests.service.clouds.written import every_kind, png
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Route
 
 pytestmark = pytest.mark.slow
 CLOUD = ".cloud-canvas"
@@ -97,6 +97,8 @@ class TestTry:
         own = [concept for concept in expected["concepts"] if concept["time"] == expected["time"]]
         told = page.locator(".answer > section").first.locator("> div > .ranked .rank-name").all_inner_texts()
         assert told == [f"Concept {concept['id']}" for concept in own[:6]]
+        link = page.locator(".rank-name").first.get_attribute("href")
+        assert link == f"#/concepts?model=toys:1&concept={own[0]['id']}"
         assert page.locator(".novelty .number").inner_text() == f"{round(100 * expected['novelty'])} %"
         assert page.locator(".timings li > span:first-child").all_inner_texts()[:2] == ["decode", "normalise"]
         assert page.locator(".legend-entry").count() == expected["segments"]
@@ -203,6 +205,24 @@ class TestTry:
         assert page.get_by_role("alert").count() == 0
         visited.check((415, "/v1/points"), (415, "/v1/responses"))
 
+    def test_a_file_that_was_changed_since_it_was_picked_is_to_be_picked_again(
+        self, visit: Visiting, tmp_path: Path
+    ) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        scan = tmp_path / "scan.ply"
+        scan.write_bytes(write_ply(objects()[0].cloud))
+        page.locator("#file").set_input_files(scan)
+        page.wait_for_selector(".why")
+        scan.write_bytes(write_ply(objects()[1].cloud))
+        page.get_by_text("A whole scene").click()
+        page.get_by_role("alert").get_by_text("scan.ply is a folder, or was changed").wait_for()
+        assert not page.locator(".try-cloud").is_visible()
+        page.get_by_text("One object").click()
+        page.locator("#file").set_input_files(scan)
+        page.wait_for_selector(".why")
+        visited.check()
+
     def test_a_cloud_that_cannot_be_answered_is_drawn_nevertheless(self, visit: Visiting) -> None:
         visited = visit("#/try")
         page = visited.page
@@ -212,6 +232,38 @@ class TestTry:
         page.get_by_text("40 points. Drag").wait_for()
         assert colours(page, CLOUD) > 5
         visited.check((422, "/v1/responses"))
+
+    def test_of_two_samples_the_one_picked_last_is_shown_whichever_comes_first(self, visit: Visiting) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        page.wait_for_selector(".samples button")
+        held: list[Route] = []
+        page.route("**/samples/object-1.ply", lambda route: held.append(route))
+        page.get_by_role("button", name="A cylinder", exact=True).click()
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        assert page.locator(".try-cloud h2").inner_text() == "object-2.ply"
+        assert len(held) == 1
+        held[0].continue_()
+        page.wait_for_load_state("networkidle")
+        assert page.locator(".try-cloud h2").inner_text() == "object-2.ply"
+        assert page.locator(".samples [aria-pressed=true]").inner_text() == "A sphere and a box"
+        visited.check()
+
+    def test_points_that_do_not_come_are_told_in_their_place_beside_the_answer(self, visit: Visiting) -> None:
+        visited = visit("#/try")
+        page = visited.page
+        page.wait_for_selector(".samples button")
+        page.route("**/v1/points*", lambda route: route.abort())
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        page.locator(".try-cloud").get_by_text("cannot be reached").wait_for()
+        page.unroute("**/v1/points*")
+        page.get_by_role("button", name="Try again").click()
+        page.locator(".legend-entry").first.wait_for()
+        assert page.get_by_role("alert").count() == 0
+        assert colours(page, CLOUD) > 50
+        visited.check()
 
     def test_a_million_points_are_thinned_for_display_alone(self, visit: Visiting) -> None:
         visited = visit("#/try")
@@ -238,7 +290,7 @@ class TestTry:
         page.evaluate(
             """(text) => {
                 const transfer = new DataTransfer();
-                transfer.items.add(new File([text], "dropped.xyz"));
+                for (const name of ["dropped.xyz", "other.xyz"]) transfer.items.add(new File([text], name));
                 document.querySelector("main").dispatchEvent(
                     new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
             }""",
@@ -246,6 +298,7 @@ class TestTry:
         )
         page.wait_for_selector(".why")
         assert page.locator(".try-cloud h2").inner_text() == "dropped.xyz"
+        page.get_by_text("Of the 2 files, only dropped.xyz is asked about").wait_for()
         visited.check()
 
 
@@ -342,6 +395,37 @@ class TestConcepts:
         assert httpx.get(f"{host}/v1/models/toys/names").json()["names"] == []
         visited.check()
 
+    def test_the_way_back_leads_to_the_model_that_was_shown_before(self, browser: Browser, tmp_path: Path) -> None:
+        place = Place(tmp_path)
+        for seed in (5, 6):
+            place.store.publish(learnt(), name="toys", seed=seed, source={})
+        port = free_port()
+        visited = Visit(browser, f"http://127.0.0.1:{port}")
+        with place.api(port):
+            page = visited.open("#/concepts")
+            page.get_by_text("of toys:2.").wait_for()
+            page.locator("#model").select_option("toys:1")
+            page.get_by_text("of toys:1.").wait_for()
+            page.locator(".concept-row").first.click()
+            page.go_back()
+            page.get_by_text("of toys:2.").wait_for()
+            assert page.locator("#model").input_value() == "toys:2"
+            held: list[Route] = []
+            page.route("**/toys:1/annexations", lambda route: held.append(route))
+            page.reload()
+            page.get_by_text("of toys:2.").wait_for()
+            page.locator("#model").select_option("toys:1")
+            with page.expect_response("**/toys:1/labels"):
+                pass
+            page.go_back()  # while it is loaded
+            page.get_by_text("of toys:2.").wait_for()
+            held[0].continue_()
+            page.wait_for_load_state("networkidle")
+            page.get_by_text("of toys:2.").wait_for()
+            assert page.locator("#model").input_value() == "toys:2"
+        visited.close()
+        assert visited.complaints == []
+
     def test_a_model_that_is_not_there_is_told_in_the_services_words(self, visit: Visiting) -> None:
         visited = visit("#/concepts?model=nobody:3")
         visited.page.get_by_role("alert").get_by_text("nobody").wait_for()
@@ -349,6 +433,46 @@ class TestConcepts:
 
 
 class TestEverywhere:
+    @pytest.mark.parametrize(
+        ("place", "refused"),
+        [
+            ("#/concepts?model=../../healthz", {(404, "/v1/models/..%2F..%2Fhealthz")}),
+            ("#/train?job=../../v1/jobs%3Fx%3D", {(404, "/v1/jobs/..%2F..%2Fv1%2Fjobs%3Fx%3D/events")}),
+        ],
+    )
+    def test_an_address_reaches_nothing_but_what_it_names(
+        self, visit: Visiting, place: str, refused: set[tuple[int, str]]
+    ) -> None:
+        visited = visit(place)
+        visited.page.get_by_role("alert").wait_for()
+        visited.check(*refused)
+
+    @pytest.mark.parametrize("place", ["#/nonsense?time=abc", "#/%E0%A4%A", "#/try?sample=none&colour=no&time=-"])
+    def test_an_address_that_means_nothing_opens_the_first_view(self, visit: Visiting, place: str) -> None:
+        visited = visit(place)
+        page = visited.page
+        page.get_by_role("button", name="A sphere and a box").click()
+        page.wait_for_selector(".why")
+        assert "#/try?" in page.url
+        visited.check()
+
+    @pytest.mark.parametrize("view", ["concepts", "train", "live"])
+    def test_a_file_that_is_dropped_beside_what_takes_it_does_not_take_the_pages_place(
+        self, visit: Visiting, view: str
+    ) -> None:
+        page = visit(f"#/{view}").page
+        page.locator("main h1").wait_for(state="attached")
+        for kind in ("dragover", "drop"):
+            assert not page.evaluate(
+                """(kind) => {
+                    const dataTransfer = new DataTransfer();
+                    dataTransfer.items.add(new File(["1 2 3"], "stray.xyz"));
+                    const event = new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true });
+                    return document.querySelector("main").dispatchEvent(event);
+                }""",
+                kind,
+            )
+
     @pytest.mark.parametrize("scheme", ["light", "dark"])
     @pytest.mark.parametrize("size", [PHONE, DESKTOP], ids=["phone", "desktop"])
     @pytest.mark.parametrize("place", ["#/try?sample=scene.ply", "#/concepts?time=0.9", "#/train", "#/live"])

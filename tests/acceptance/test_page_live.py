@@ -16,6 +16,10 @@ import zenoh
 
 from service.clouds import write_ply
 from service.keys import KeyStore
+from service.live import Shown
+from service.streams import Stream
+from service.transports.zenoh.replicas import name_of
+from service.transports.zenoh.showing import SHOWN, pack
 from tests.acceptance.browsing import DESKTOP, PHONE, Visit, chromium, colours, picture
 from tests.acceptance.jobs_place import Place, free_port
 from tests.learnt import learnt, objects
@@ -196,6 +200,40 @@ def test_the_objects_of_a_scene_are_marked_and_one_stream_is_chosen(
     visited.check()
 
 
+def test_of_a_key_in_the_url_on_which_nothing_comes_this_is_told(
+    visit: Visiting, site: Site, robot: zenoh.Session
+) -> None:
+    visited = visit("#/live?stream=no/such&key=robots/5/cloud")
+    page = visited.page
+    live(page)
+    with publishing(robot, ("robots/7/cloud", ply(0))):
+        page.locator(".robots .key", has_text="robots/7/cloud").wait_for()
+        page.locator(".live-answer").get_by_text("Nothing has come on this key yet").wait_for()
+        assert page.locator(".live-answer h2").inner_text() == "robots/5/cloud"
+        assert page.locator(".live-answer .rank").first.is_hidden()
+        page.locator(".robots button").click()
+        page.locator(".live-answer h2", has_text="robots/7/cloud").wait_for()
+        page.locator(".live-answer .rank").first.wait_for()
+    visited.check()
+
+
+def test_what_cannot_be_shown_keeps_nobody_from_what_can(visit: Visiting, site: Site, robot: zenoh.Session) -> None:
+    visited = visit("#/live")
+    page = visited.page
+    live(page)
+    streams: list[str] = []
+    page.on("request", lambda request: streams.append(request.url))
+    stream = Stream(key="robots/*/cloud")
+    strange = Shown(stream.key, "robots/1/cloud", 1e9, {"of": "another release"}, problem=False, cloud=None)
+    put(robot, f"{SHOWN}/{name_of(stream)}/elsewhere", pack(strange))
+    page.get_by_role("alert").get_by_text("The page failed").wait_for()
+    with publishing(robot, ("robots/7/cloud", ply(0))):
+        page.locator(".robots .key", has_text="robots/7/cloud").wait_for()
+    live(page)
+    assert not [url for url in streams if "streams/events" in url and "key=" not in url]  # it has not begun anew
+    assert len(visited.complaints) == 1
+
+
 def test_while_it_is_paused_nothing_changes_and_nobody_works_for_it(
     visit: Visiting, site: Site, robot: zenoh.Session
 ) -> None:
@@ -231,6 +269,18 @@ def test_a_lost_connection_is_told_and_found_again(browser: Browser, tmp_path: P
             page.locator(".robots .key", has_text="robots/8/cloud").wait_for()
     assert visited.complaints == []
     visited.close()
+
+
+def test_a_connection_on_which_not_even_silence_is_told_is_made_anew(visit: Visiting) -> None:
+    visited = visit("#/try")
+    page = visited.page
+    page.clock.install()
+    page.locator("nav a", has_text="Live").click()
+    live(page)
+    with page.expect_request("**/v1/streams/events*"):
+        page.clock.fast_forward(60_000)  # the browser believes that a minute has passed
+    live(page)
+    visited.check()
 
 
 def test_why_there_is_nothing_to_watch_is_told(browser: Browser, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from service.clouds import write_ply
 from service.datasets import Datasets
+from service.engine.params import ModelParams
 from service.keys import KeyStore
 from service.labels import Label
 from tests.acceptance.browsing import DESKTOP, PHONE, Visit, chromium
@@ -22,7 +23,7 @@ from tests.acceptance.jobs_place import Place, free_port
 from tests.learnt import learnt, objects
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator, Page
+    from playwright.sync_api import Browser, Locator, Page, Route
 
 pytestmark = pytest.mark.slow
 Visiting = Callable[..., Visit]
@@ -177,6 +178,68 @@ def test_files_that_are_dropped_become_a_dataset_with_a_verdict_on_each(visit: V
     visited.check()
 
 
+def test_files_that_are_changed_or_gone_before_their_turn_are_refused_and_others_taken(
+    visit: Visiting, tmp_path: Path
+) -> None:
+    visited = visit("#/train")
+    page = visited.page
+    new_dataset(page, "many")
+    files = [tmp_path / f"{number}.ply" for number in range(26)]  # more than are sent together
+    for number, file in enumerate(files):
+        file.write_bytes(ply(number % 14))
+
+    def change(route: Route) -> None:
+        files[24].write_bytes(ply(3))
+        route.continue_()
+
+    page.route("**/many/archive*", change, times=1)
+    page.set_input_files(".drop input:not([webkitdirectory])", files)
+    told = verdicts(page)
+    assert {file: verdict for file, verdict in told.items() if verdict != "taken"} == {"24.ply": "refused"}
+    assert len(told) == 26
+    page.get_by_text("changed or taken away since it was picked").wait_for()
+    visited.check()
+
+
+def test_what_is_dropped_while_files_are_being_sent_waits_for_its_turn(visit: Visiting, host: str) -> None:
+    visited = visit("#/train?dataset=shelf")
+    page = visited.page
+    page.get_by_text("14 clouds,").wait_for()
+    held: list[Route] = []
+    page.route("**/shelf/archive*", lambda route: held.append(route))
+    with page.expect_request("**/shelf/archive*"):
+        drop(page, {"a.ply": ply(0)})
+    drop(page, {"b.ply": ply(1)})
+    page.locator(".drop").get_by_text("Files are being sent").wait_for()
+    held[0].continue_()
+    page.unroute("**/shelf/archive*")
+    assert verdicts(page) == {"a.ply": "taken"}
+    drop(page, {"b.ply": ply(1)})
+    page.get_by_text("16 clouds,").wait_for()
+    assert verdicts(page) == {"b.ply": "taken"}
+    assert page.locator(".drop").get_by_role("alert").count() == 0
+    visited.check()
+
+
+@pytest.mark.usefixtures("worker")
+def test_a_new_dataset_that_is_being_named_stays_so_when_a_job_makes_another_one(visit: Visiting) -> None:
+    visited = visit("#/train")
+    page = visited.page
+    page.get_by_text("14 clouds,").wait_for()
+    new_dataset(page, "kitchen")
+    page.get_by_label("Simulate clouds").check()
+    page.get_by_label("Objects", exact=True).fill("2")
+    page.get_by_label("Renderer").select_option("raycast")
+    page.get_by_role("button", name="Submit").click()
+    state(page, "done")
+    page.locator("select option[value=simulated]").first.wait_for(state="attached")
+    page.wait_for_load_state("networkidle")
+    assert page.get_by_label("Dataset", exact=True).input_value() == ""
+    assert page.get_by_label("Name of the new dataset").input_value() == "kitchen"
+    assert page.get_by_label("Name of the new dataset").is_visible()
+    visited.check()
+
+
 def test_a_folder_is_taken_with_its_paths_and_an_archive_larger_than_a_piece_in_pieces(
     visit: Visiting, host: str, tmp_path: Path
 ) -> None:
@@ -234,6 +297,9 @@ def test_a_job_is_followed_to_its_end_judged_and_its_version_compared_promoted_a
     page.get_by_role("link", name="Compare with toys:1").click()
     comparison = page.locator(".comparison")
     comparison.get_by_text("From toys:1 to toys:2").wait_for()
+    box = comparison.bounding_box()
+    assert box is not None
+    assert box["y"] + min(box["height"], 300) <= DESKTOP[1] + 1  # it is to be seen
     compared = told(host, "models/toys/versions/1/compare", **{"with": "toys:2"})
     assert comparison.locator("tbody tr").count() >= len(compared["old_concepts"])
     assert comparison.locator(".fate").count() == len(compared["fates"])
@@ -283,7 +349,12 @@ def test_a_job_is_cancelled_and_let_go_on(visit: Visiting, host: str) -> None:
     page.get_by_label("Renderer").select_option("raycast")
     page.get_by_role("button", name="Submit").click()
     state(page, "running")
-    page.get_by_role("button", name="Cancel").click()
+    for focused, anew in ((".job-list a", ".job-list li"), (".job .danger", ".job .stages")):
+        page.locator(focused).focus()
+        page.locator(anew).evaluate("(element) => element.setAttribute('data-before', '')")
+        page.locator(f"{anew}:not([data-before])").wait_for()  # there are news
+        assert page.locator(focused).evaluate("(element) => element === document.activeElement")
+    page.keyboard.press("Enter")
     state(page, "cancelled")
     page.get_by_role("button", name="Retry").click()
     state(page, "running")
@@ -331,7 +402,10 @@ def test_parameters_that_were_altered_are_sent_and_others_are_not(visit: Visitin
     page = visited.page
     page.get_by_text("Seed and parameters").click()
     page.get_by_label("Seed", exact=True).fill("11")
-    page.get_by_label("most parts").fill("2")
+    page.get_by_label("fewest parts").fill("4")
+    page.get_by_label("most parts").fill("2")  # fewer than the fewest: the browser says so itself
+    page.get_by_role("button", name="Submit").click()
+    page.get_by_label("fewest parts").fill("1")
     page.get_by_text("Parameters of every stage").click()
     page.locator(".stage-parameters summary", has_text="dictionary").click()
     page.get_by_label("levels", exact=True).fill("3")
@@ -340,20 +414,31 @@ def test_parameters_that_were_altered_are_sent_and_others_are_not(visit: Visitin
     spec = told(host, "jobs")["jobs"][0]["spec"]
     assert (spec["seed"], spec["simulate"], spec["simulation"]) == (11, 250, {"orders": [1, 2]})
     assert spec["params"]["dictionary"] == {"levels": 3}
-    page.get_by_label("levels", exact=True).fill("99")  # out of its range: the browser says so itself
+    page.get_by_label("Begin with").select_option(label="the paper's own choices")
     page.get_by_role("button", name="Submit").click()
-    assert len(told(host, "jobs")["jobs"]) == 1
+    page.locator(".job-list li").nth(1).wait_for()
+    spec = told(host, "jobs")["jobs"][0]["spec"]
+    assert ModelParams.model_validate(spec["params"]) == ModelParams.preset("paper")
+    page.get_by_label("levels", exact=True).fill("99")  # out of its range: the browser says so itself
+    page.get_by_text("Seed and parameters").click()
+    page.get_by_label("levels", exact=True).wait_for(state="hidden")
+    page.get_by_role("button", name="Submit").click()
+    page.get_by_label("levels", exact=True).wait_for()
+    assert len(told(host, "jobs")["jobs"]) == 2
     visited.check()
 
 
 def test_who_may_not_train_is_told_so_where_they_tried(browser: Browser, place: Place) -> None:
     place.environment["SHAPE_CONCEPTS_ACCESS"] = "keys"
-    text = KeyStore(place.store.url).create("looker", ("answer",)).text
+    keys = KeyStore(place.store.url)
+    text, training = (keys.create(scope, (scope,)).text for scope in ("answer", "train"))
     port = free_port()
     with place.api(port):
         visited = Visit(browser, f"http://127.0.0.1:{port}")
         page = visited.open("#/train")
         page.get_by_text("An access key is needed").first.wait_for()
+        page.wait_for_load_state("networkidle")
+        assert page.get_by_role("alert").count() == 1  # it is said once
         page.get_by_role("button", name="Access key").click()
         page.get_by_role("dialog").get_by_label("Key", exact=True).fill(text)
         page.get_by_role("button", name="Use it").click()
@@ -363,6 +448,15 @@ def test_who_may_not_train_is_told_so_where_they_tried(browser: Browser, place: 
         page.get_by_role("alert").get_by_text("not to train").wait_for()
         drop(page, {"0.ply": ply(0)})
         page.locator(".drop").get_by_role("alert").get_by_text("not to train").wait_for()
+        page.get_by_role("button", name="Access key", exact=True).click()
+        page.get_by_role("dialog").get_by_label("Key", exact=True).fill(training)
+        page.get_by_role("button", name="Use it").click()
+        page.locator(".holds").get_by_text("14 clouds,").wait_for()  # but for the models, which it may not read
+        page.locator("section", has_text="Versions").get_by_role("alert").get_by_text("not to answer").wait_for()
+        learn(page, "mine")
+        state(page, "queued")
+        drop(page, {"new.ply": ply(0)})
+        assert verdicts(page) == {"new.ply": "taken"}
         assert {status for status, _ in visited.refusals} == {401, 403}
         assert visited.complaints == []
         visited.close()

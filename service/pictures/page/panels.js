@@ -17,17 +17,19 @@ function bar(share, colour) {
 }
 
 function concepts(answer) {
-  const rows = answer.concepts.map((concept) =>
+  const row = (concept) =>
     make(
       "li",
       { title: `distance ${concept.distance.toFixed(3)} (Eq. 4), ${concept.prototypes} prototypes, time ${concept.time.toFixed(2)}` },
       make("span", { class: "name" }, concept.called),
       bar(concept.closeness, concept.colour),
       make("span", {}, concept.response.toFixed(2)),
-    ),
-  );
-  const note = `The longer the bar, the closer; the number is the response, smaller is closer. The first ${rows.length} of ${answer.of} concepts.`;
-  return make("section", { class: "block" }, make("h2", {}, "Concepts, best first"), make("ol", { class: "bars" }, ...rows), make("p", { class: "pale", style: "margin-top:8px" }, note));
+    );
+  const others = answer.concepts.filter((concept) => concept.time !== answer.time);
+  const rows = answer.concepts.filter((concept) => !others.includes(concept)).map(row);
+  const apart = others.length > 0 && [make("h3", {}, "Of other filtration times"), make("ol", { class: "bars" }, ...others.map(row))];
+  const note = `The longer the bar, the closer; the number is the response, smaller is closer. The first ${answer.concepts.length} of ${answer.of} concepts.`;
+  return make("section", { class: "block" }, make("h2", {}, "Concepts, best first"), make("ol", { class: "bars" }, ...rows), apart, make("p", { class: "pale", style: "margin-top:8px" }, note));
 }
 
 function novelty(answer) {
@@ -41,7 +43,7 @@ function thumbnails(near, picture) {
     "div",
     { class: "thumbnails" },
     ...near.map((one) =>
-      make("figure", {}, make("img", { src: picture.thumbnails[one.object], alt: one.key, width: 76, height: 76 }), `${one.key}, ${one.distance.toFixed(2)}`),
+      make("figure", {}, make("img", { src: picture.thumbnails[one.object], alt: one.key, width: 76, height: 76 }), `${one.key}, ${one.distance.toPrecision(3)}`),
     ),
   );
 }

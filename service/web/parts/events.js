@@ -3,6 +3,7 @@ import { Problem, request } from "../api.js";
 
 const SHORTEST = 1000; // milliseconds before the first attempt to connect again
 const LONGEST = 15000;
+const SILENT = 45000; // milliseconds without a word, though the service says every 15 s that it is there
 
 /**
  * Follows events until one of them is the last, or the signal says so; connects again when the connection is lost.
@@ -34,7 +35,7 @@ export async function follow(path, { query, signal, on, connected = () => {} }) 
       if (signal.aborted) return;
       if (error instanceof Problem && !passes(error)) throw error;
       if (error instanceof Problem) why = error;
-      else if (!(error instanceof TypeError)) throw error; // of our own; a broken connection is a TypeError
+      else if (!(error instanceof Lost)) throw error; // of our own
     }
     if (signal.aborted) return;
     connected(false, why);
@@ -51,8 +52,25 @@ export function passes(error) {
 /** Waits some milliseconds, or until the signal says that nobody waits any longer. */
 export function pause(milliseconds, signal) {
   return new Promise((resolve) => {
-    const timer = setTimeout(resolve, milliseconds);
-    signal?.addEventListener("abort", () => { clearTimeout(timer); resolve(); }, { once: true });
+    const end = () => {
+      clearTimeout(timer);
+      signal?.removeEventListener("abort", end); // the signal may outlive many pauses
+      resolve();
+    };
+    const timer = setTimeout(end, milliseconds);
+    signal?.addEventListener("abort", end);
+  });
+}
+
+/** The connection broke off. */
+class Lost extends Error {}
+
+/** What is read, unless the connection breaks off, or breaks without a word, as where a cable is pulled. */
+function inTime(reading) {
+  return new Promise((read, failed) => {
+    const lost = (why) => failed(new Lost(why));
+    const timer = setTimeout(() => lost("silent"), SILENT);
+    reading.then(read, (error) => lost(error.message)).finally(() => clearTimeout(timer));
   });
 }
 
@@ -63,7 +81,7 @@ async function* events(body) {
   let from = 0; // before it, no event ends
   try {
     for (;;) {
-      const { value, done } = await reader.read();
+      const { value, done } = await inTime(reader.read());
       if (done) return;
       text += value.replaceAll("\r", "");
       for (let end; (end = text.indexOf("\n\n", from)) >= 0; from = 0) {

@@ -1,4 +1,5 @@
 /** Places that are filled with what the service tells. */
+import { keepingFocus } from "./focus.js";
 import { failure, loading } from "./states.js";
 
 /**
@@ -19,7 +20,9 @@ export async function loadInto(element, signal, load, fill) {
   element.setAttribute("aria-busy", "true");
   try {
     const loaded = await load();
-    if (!outdated()) element.replaceChildren(...[fill(loaded)].flat(Infinity).filter(Boolean));
+    if (outdated()) return;
+    const content = [fill(loaded)].flat(Infinity).filter(Boolean);
+    keepingFocus(element, () => element.replaceChildren(...content));
   } catch (error) {
     if (!outdated()) {
       element.replaceChildren(failure(error, { again: () => loadInto(element, signal, load, fill) }));

@@ -69,8 +69,7 @@ export function purityOf(model, concept) {
 
 async function resolve(reference) {
   if (reference) {
-    const [name] = reference.split(/[@:]/);
-    const { version } = await api.get(`v1/models/${reference}`);
+    const { name, version } = await api.get(api.pathOf`v1/models/${reference}`);
     if (version === null)
       throw new api.Problem({
         status: 404,

@@ -29,28 +29,33 @@ class Concepts {
     this.place = place;
     this.body = h("div", {});
     this.parts = [];
+    this.selection = null;
   }
 
   async begin() {
+    const asked = this.place.get("model");
+    this.asked = asked; // what the URL says
+    this.wanted = undefined;
+    this.close();
     const chooser = h("div", {});
     this.root.replaceChildren(h("h1", { class: "unseen" }, "Concepts"), chooser, this.body);
     this.body.replaceChildren(loading("Loading the model …"));
     try {
-      const reference = this.place.get("model");
-      const made = await modelChooser(reference, (chosen) => {
+      const made = await modelChooser(asked, (chosen) => {
         this.place.set({ model: chosen, time: null, concept: null }, { push: true });
+        this.asked = chosen;
         this.load(chosen);
       });
+      if (this.left || this.asked !== asked) return; // meanwhile, another one was asked for
       chooser.replaceChildren(made.element);
       await this.load(made.reference);
     } catch (error) {
-      this.body.replaceChildren(failure(error, { again: () => this.begin() }));
+      if (this.asked === asked) this.body.replaceChildren(failure(error, { again: () => this.begin() }));
     }
   }
 
   /** Shows a model. */
   async load(reference) {
-    if (this.left) return; // while the models were asked for
     this.close();
     this.wanted = reference;
     this.body.replaceChildren(loading("Loading the model …"));
@@ -65,9 +70,8 @@ class Concepts {
 
   /** The user went back or forward. */
   followPlace() {
-    const reference = this.place.get("model");
-    if (this.selection && reference && reference !== this.selection.model.reference) this.begin();
-    else if (this.selection) this.selection.take(this.place);
+    if (this.place.get("model") !== this.asked) this.begin();
+    else this.selection?.take(this.place);
   }
 
   leave() {
@@ -79,6 +83,7 @@ class Concepts {
   close() {
     for (const part of this.parts) part.close?.();
     this.parts = [];
+    this.selection = null;
   }
 
   #fill(model) {
@@ -99,9 +104,10 @@ class Concepts {
       ),
     );
     selection.onChange(() => this.parts.forEach((part) => part.update()));
-    selection.onSettle(() =>
-      this.place.set({ model: model.reference, time: selection.timeText(), concept: selection.picked }),
-    );
+    selection.onSettle(() => {
+      this.asked = model.reference;
+      this.place.set({ model: model.reference, time: selection.timeText(), concept: selection.picked });
+    });
     selection.take(this.place);
   }
 }

@@ -30,14 +30,15 @@ class Live {
   }
 
   async load() {
-    this.root.replaceChildren(h("h1", { class: "unseen" }, "Live"), loading());
+    const title = h("h1", { class: "unseen" }, "Live");
+    this.root.replaceChildren(title, loading());
     try {
       const { streams } = await get("v1/streams", { signal: this.leaving.signal });
-      if (!streams.length) this.root.replaceChildren(noStreams());
+      if (!streams.length) this.root.replaceChildren(title, noStreams());
       else this.begin(streams);
     } catch (error) {
       if (!this.leaving.signal.aborted) {
-        this.root.replaceChildren(failure(error, { again: () => this.load() }));
+        this.root.replaceChildren(title, failure(error, { again: () => this.load() }));
       }
     }
   }
@@ -57,6 +58,7 @@ class Live {
     );
     this.chosen = this.place.get("key");
     this.robots.choose(this.chosen);
+    this.detail.clear(this.chosen);
     // Nobody sees a page in the background: the service need not work for it.
     document.addEventListener("visibilitychange", () => this.connect(), { signal: this.leaving.signal });
     this.ticking = setInterval(() => this.robots.tick(), 1000);
@@ -77,12 +79,21 @@ class Live {
         signal,
         query: { stream: this.stream.value || null, key: this.asked },
         connected: (is, why) => this.tell(is ? "live" : "lost", why),
-        on: ({ kind, data }) => { if (kind === "cloud") this.came(JSON.parse(data)); },
+        on: ({ kind, data }) => { if (kind === "cloud") this.take(JSON.parse(data)); },
       });
     } catch (error) {
       if (signal.aborted) return;
       this.tell("refused");
       this.why.replaceChildren(failure(error, { again: () => this.connect() }));
+    }
+  }
+
+  /** Shows a cloud; one that cannot be shown, of a replica of another release, keeps nobody from the next. */
+  take(told) {
+    try {
+      this.came(told);
+    } catch (error) {
+      this.why.replaceChildren(failure(error));
     }
   }
 
@@ -103,6 +114,7 @@ class Live {
     if (!other) return;
     const last = this.robots.last(key);
     if (last) this.detail.show(last);
+    else this.detail.clear(key);
     if (push) this.connect();
   }
 
@@ -140,11 +152,15 @@ class Live {
   }
 
   changed() {
-    const stream = this.place.get("stream") ?? "";
+    if (!this.ticking) return; // it begins with what the URL says by then
+    const wanted = this.place.get("stream");
+    const stream = [...this.stream.options].some((option) => option.value === wanted) ? wanted : "";
     if (stream !== this.stream.value) {
       this.stream.value = stream;
       this.forget();
       this.chosen = this.place.get("key");
+      this.robots.choose(this.chosen);
+      this.detail.clear(this.chosen);
       this.connect();
     } else if (this.place.get("key") && this.place.get("key") !== this.chosen) {
       this.choose(this.place.get("key"));

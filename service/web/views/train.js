@@ -5,6 +5,8 @@
  * "schedules".
  */
 import { h } from "../parts/elements.js";
+import { failure, loading } from "../parts/states.js";
+import { models } from "./train/changes.js";
 import { datasetsPanel } from "./train/datasets.js";
 import { jobsPanel } from "./train/jobs.js";
 import { schedulesPanel } from "./train/schedules.js";
@@ -14,16 +16,36 @@ import { versionsPanel } from "./train/versions.js";
 /** @param {HTMLElement} root @param {import("../place.js").Place} place */
 export function show(root, place) {
   const leaving = new AbortController();
-  const context = { place, shared: new EventTarget(), signal: leaving.signal };
-  const makers = [datasetsPanel, submissionPanel, jobsPanel, versionsPanel, schedulesPanel];
-  const panels = makers.map((make) => make(context));
-  const [datasets, submission, jobs, versions, schedules] = panels.map((panel) => panel.element);
-  root.append(
-    h("h1", { class: "unseen" }, "Train"),
-    h("div", { class: "train" }, h("div", {}, datasets, submission), h("div", {}, jobs, versions, schedules)),
-  );
+  let panels = [];
+  begin();
   return {
     changed: () => panels.forEach((panel) => panel.changed?.()),
     leave: () => leaving.abort(),
   };
+
+  /** Shows the panels; where a key is needed, that is said once. What a key does not allow, each says of itself. */
+  async function begin() {
+    root.replaceChildren(h("h1", { class: "unseen" }, "Train"), loading());
+    try {
+      await models(leaving.signal);
+    } catch (error) {
+      if (leaving.signal.aborted) return;
+      if (error.status !== 403) {
+        root.lastChild.replaceWith(failure(error, { again: begin }));
+        return;
+      }
+    }
+    if (!leaving.signal.aborted) panels = fill(root, { place, shared: new EventTarget(), signal: leaving.signal });
+  }
+}
+
+/** @param {HTMLElement} root @param {import("./train/changes.js").Context} context */
+function fill(root, context) {
+  const makers = [datasetsPanel, submissionPanel, jobsPanel, versionsPanel, schedulesPanel];
+  const panels = makers.map((make) => make(context));
+  const [datasets, submission, jobs, versions, schedules] = panels.map((panel) => panel.element);
+  root.lastChild.replaceWith(
+    h("div", { class: "train" }, h("div", {}, datasets, submission), h("div", {}, jobs, versions, schedules)),
+  );
+  return panels;
 }

@@ -1,6 +1,7 @@
 /** Try: a cloud or a scene in, the concepts that it resembles out, and why. */
 import * as api from "../api.js";
 import { h } from "../parts/elements.js";
+import { faultOf } from "../parts/files.js";
 import { loadModel } from "../parts/model.js";
 import { modelChooser } from "../parts/model_chooser.js";
 import { readPoints } from "../parts/ply.js";
@@ -52,10 +53,11 @@ class Trial {
       this.answer.replaceChildren(failure(error, { again: () => this.begin() }));
       return;
     }
-    this.followPlace();
+    if (!this.left) this.followPlace();
   }
 
   leave() {
+    this.left = true;
     this.asking?.abort();
     this.endDropping?.();
     this.cloudPanel.close();
@@ -69,13 +71,20 @@ class Trial {
 
   /** Asks about the sample that the URL names. */
   async askAboutSample() {
-    this.asking?.abort();
+    const { signal } = this.#askAnew();
     try {
-      const sample = await this.input.sample(this.place.get("sample"));
+      const sample = await this.input.sample(this.place.get("sample"), signal);
       if (sample) this.ask(sample);
     } catch (error) {
-      this.#fail(error, () => this.askAboutSample());
+      if (!signal.aborted) this.#fail(error, () => this.askAboutSample());
     }
+  }
+
+  /** Gives up what was asked before. @returns {AbortController} of what is asked now. */
+  #askAnew() {
+    this.asking?.abort();
+    this.asking = new AbortController();
+    return this.asking;
   }
 
   /**
@@ -84,19 +93,26 @@ class Trial {
    * @param {import("./try/input.js").Cloud} cloud
    */
   async ask(cloud) {
-    this.asking?.abort();
-    const asking = new AbortController();
-    this.asking = asking;
+    const asking = this.#askAnew();
     this.cloud = cloud;
     this.cloudPanel.begin(cloud);
     this.answer.replaceChildren(loading(`Asking about ${cloud.name} …`));
+    const fault = (await faultOf(cloud.data)) ?? (cloud.mask && (await faultOf(cloud.mask)));
+    if (asking.signal.aborted) return;
+    if (fault) {
+      this.cloudPanel.fail();
+      this.#fail(fault);
+      return;
+    }
     const seeing = this.#points(cloud, asking.signal).catch((error) => error);
     try {
       const [answer, model] = await Promise.all([this.#respond(cloud, asking.signal), loadModel(this.reference)]);
       if (this.asking !== asking) return;
       this.#showAnswer(answer, model, cloud);
       const points = await seeing;
-      if (this.asking === asking && !(points instanceof Error)) this.cloudPanel.explain(answer, model, cloud.scene);
+      if (this.asking !== asking) return;
+      if (points instanceof Error) this.cloudPanel.fail(failure(points, { again: () => this.ask(cloud) }));
+      else this.cloudPanel.explain(answer, model, cloud.scene);
     } catch (error) {
       if (error.name !== "AbortError" && this.asking === asking) this.#fail(error);
       await seeing;

@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from service.engine.errors import InvalidParameter
-from service.engine.params import HierarchyParams, ModelParams, StimuliParams
+from service.engine.params import PRESETS, HierarchyParams, ModelParams, StimuliParams
 
 STAGES = {name: field.annotation for name, field in ModelParams.model_fields.items()}
 FIELDS = [(s, n, f) for s, stage in STAGES.items() for n, f in stage.model_fields.items()]
@@ -78,3 +78,11 @@ def test_unions_count_wherever_they_excite_anything():
     assert ModelParams(stimuli=StimuliParams(union_weight=0.5)).unions_count
     assert ModelParams(stimuli=StimuliParams(gating="kernel")).unions_count
     assert ModelParams(hierarchy=HierarchyParams(whole_apart=False)).unions_count
+
+
+def test_the_schema_tells_what_each_preset_has_different():
+    told = ModelParams.model_json_schema()["x-presets"]
+    assert {name: ModelParams.model_validate(told[name]) for name in told} == {
+        name: ModelParams.preset(name) for name in PRESETS
+    }
+    assert told["default"] == {}

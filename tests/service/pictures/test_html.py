@@ -142,6 +142,14 @@ class TestInABrowser:
         assert page.locator(".panel canvas").count() == 2
         named = panel.locator(".bars .name").all_inner_texts()
         assert named == [f"concept {concept.id}" for concept in answer.concepts[:10]]
+        own = [concept for concept in answer.concepts[:10] if concept.time == answer.time]
+        assert 0 < len(own) < 10
+        assert panel.locator(".bars").first.locator(".name").count() == len(own)  # others stand apart
+        for bars in panel.locator(".bars").all()[:2]:
+            numbers = [float(text) for text in bars.locator("li > :last-child").all_inner_texts()]
+            assert numbers == sorted(numbers)
+        told = panel.locator(".thumbnails figure").last.inner_text()
+        assert told.endswith(f", {answer.explanation.wholes[-1].distance:#.3g}")
         assert panel.locator(".motifs button").count() == len(answer.explanation.vertices)
         for stage, time in answer.timings_ms.items():
             assert panel.get_by_text(f"{stage} {time:.1f} ms", exact=True).count() == 1

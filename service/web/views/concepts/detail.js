@@ -6,6 +6,7 @@ import { empty, failure } from "../../parts/states.js";
 import { swatch } from "../try/painting.js";
 
 const FIRST = 48; // prototypes that are shown at first
+const MORE = 200; // with each further step
 
 export class Detail {
   /** @param {import("./selection.js").Selection} selection */
@@ -111,12 +112,12 @@ export class Detail {
         type: "button",
         class: "quiet",
         click: () => {
-          tiles.append(...rest.splice(0, 200).map((object) => this.#tile(object, model)));
-          more.textContent = `Show more of ${rest.length}`;
+          tiles.append(...rest.splice(0, MORE).map((object) => this.#tile(object, model)));
+          more.textContent = `Show ${Math.min(rest.length, MORE)} more`;
           more.hidden = !rest.length;
         },
       },
-      `Show more of ${rest.length}`,
+      `Show ${Math.min(rest.length, MORE)} more`,
     );
     return h("div", {}, h("h3", {}, "Prototypes"), tiles, rest.length > 0 && more);
   }

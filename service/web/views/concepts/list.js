@@ -1,11 +1,13 @@
 /** The concepts of a time: sizes, names, purity where labels exist, some prototypes. */
 import { counted, h } from "../../parts/elements.js";
+import { keepingFocus } from "../../parts/focus.js";
 import { purityOf, titleOf } from "../../parts/model.js";
 import { empty } from "../../parts/states.js";
 import { swatch } from "../try/painting.js";
 
 const FIRST = 60; // concepts that are listed at first
-const PROTOTYPES = 4;
+const MORE = 200; // with each further step
+const PROTOTYPES = 4; // pictures of each
 const PAUSE = 100; // milliseconds
 
 export class List {
@@ -45,7 +47,6 @@ export class List {
     }
     const listed = concepts.slice(0, this.most);
     if (shown !== null && !listed.includes(shown)) listed.push(shown);
-    const focused = this.body.contains(document.activeElement) ? document.activeElement.dataset.concept : null;
     const rest = concepts.length - listed.length;
     const more = h(
       "button",
@@ -53,17 +54,14 @@ export class List {
         type: "button",
         class: "quiet",
         click: () => {
-          this.most += 200;
+          this.most += MORE;
           this.#fill();
         },
       },
-      `Show more of ${rest}`,
+      `Show ${Math.min(rest, MORE)} more`,
     );
-    this.body.replaceChildren(
-      ...listed.map((concept) => this.#row(concept, shown, model)),
-      ...(rest > 0 ? [more] : []),
-    );
-    if (focused) this.body.querySelector(`[data-concept="${focused}"]`)?.focus();
+    const rows = listed.map((concept) => this.#row(concept, shown, model));
+    keepingFocus(this.body, () => this.body.replaceChildren(...rows, ...(rest > 0 ? [more] : [])));
   }
 
   #row(concept, shown, model) {

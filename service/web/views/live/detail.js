@@ -14,7 +14,7 @@ export class Detail {
     this.said = h("div");
     this.facts = h("p", { class: "fine number" });
     this.key = null; // whose cloud is drawn
-    this.models = new Map(); // by reference; null while one is loaded, or where it cannot be
+    this.model = { reference: null, loaded: null }; // that answered last; null while it is loaded, or cannot be
     this.element = h("div", { class: "live-detail" },
       h("div", { class: "panel live-cloud" }, this.cloud.element, this.drawn),
       h("div", { class: "panel live-answer" }, this.title, this.ranked.element, this.said, this.facts));
@@ -24,12 +24,16 @@ export class Detail {
     this.cloud.close();
   }
 
-  /** Another robot is looked at. */
-  clear() {
+  /** Another robot is looked at. @param {?string} key of one that has published nothing yet. */
+  clear(key = null) {
     this.key = null;
     this.cloud.setPoints(new Float32Array());
     this.cloud.setMarks([]);
     this.drawn.textContent = "No cloud to draw yet.";
+    this.title.textContent = key ?? "";
+    this.ranked.element.classList.add("hidden");
+    this.said.replaceChildren(...(key === null ? [] : [h("p", {}, "Nothing has come on this key yet.")]));
+    this.facts.textContent = "";
   }
 
   /** @param {Object} told an event of /v1/streams/events. */
@@ -40,7 +44,7 @@ export class Detail {
     this.title.textContent = key;
     const lone = answer !== null && !answer.objects;
     this.ranked.element.classList.toggle("hidden", !lone);
-    if (lone) this.ranked.show(answer, this.#model(`${answer.model}:${answer.version}`));
+    if (lone) this.ranked.show(answer, this.#modelOf(`${answer.model}:${answer.version}`));
     this.said.replaceChildren(...(problem ? problemOf(problem) : lone ? measured(answer) : sceneOf(answer)));
     this.facts.textContent = factsOf(told);
   }
@@ -63,12 +67,13 @@ export class Detail {
   }
 
   /** What is known of a model beside its answers: pictures and colours. It is loaded once, and not waited for. */
-  #model(reference) {
-    if (!this.models.has(reference)) {
-      this.models.set(reference, null);
-      loadModel(reference).then((model) => this.models.set(reference, model), () => {});
+  #modelOf(reference) {
+    if (this.model.reference !== reference) {
+      const model = { reference, loaded: null };
+      this.model = model;
+      loadModel(reference).then((loaded) => { model.loaded = loaded; }, () => {});
     }
-    return this.models.get(reference);
+    return this.model.loaded;
   }
 }
 

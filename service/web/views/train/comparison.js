@@ -1,5 +1,5 @@
 /** Two versions compared: what became of the concepts of the one in the other. */
-import { get } from "../../api.js";
+import { get, pathOf } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 import { count } from "../../parts/words.js";
@@ -14,15 +14,19 @@ const FATES = {
   untold: "untold",
 };
 
-/** @param {string[]} pair NAME:VERSION of both, the earlier one first. @param {AbortSignal} signal */
+/**
+ * @param {string[]} pair NAME:VERSION of both, the earlier one first.
+ * @param {AbortSignal} signal
+ * @returns {{element: HTMLElement, filled: Promise<void>}}
+ */
 export function comparison([old, later], signal) {
   const place = h("div", { class: "comparison" });
   const [name, version] = old.split(":");
-  const manifest = (reference) => get(`v1/models/${reference.replace(":", "/versions/")}`, { signal });
-  loadInto(place, signal, () => Promise.all([
-    get(`v1/models/${name}/versions/${version}/compare`, { query: { with: later }, signal }),
-    manifest(old),
-    manifest(later),
+  const [laterName, laterVersion] = later.split(":");
+  const filled = loadInto(place, signal, () => Promise.all([
+    get(pathOf`v1/models/${name}/versions/${version}/compare`, { query: { with: later }, signal }),
+    get(pathOf`v1/models/${name}/versions/${version}`, { signal }),
+    get(pathOf`v1/models/${laterName}/versions/${laterVersion}`, { signal }),
   ]), ([told, before, after]) => [
     h("h3", {}, `From ${old} to ${later}`),
     h("p", { class: "fine" }, `Compared by ${count(told.shared, "cloud")} that both learnt from`,
@@ -31,7 +35,7 @@ export function comparison([old, later], signal) {
     after.metrics && before.metrics && figures(after.metrics, before.metrics),
     concepts(told),
   ]);
-  return place;
+  return { element: place, filled };
 }
 
 /** How many concepts have each fate, as one bar. */

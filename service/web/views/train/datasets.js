@@ -1,5 +1,5 @@
 /** The panel of datasets: which there are, what they hold, and files dropped into one of them. */
-import { get } from "../../api.js";
+import { get, pathOf, Problem } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 import { empty, failure } from "../../parts/states.js";
@@ -26,7 +26,8 @@ export function datasetsPanel(context) {
 
   async function list() {
     const names = await datasetNames(signal);
-    const wanted = place.get("dataset") ?? names[0] ?? "";
+    const kept = chosen.options.length > 1 || name.value ? chosen.value : null; // a new one is chosen by nobody at first
+    const wanted = place.get("dataset") ?? kept ?? names[0] ?? "";
     chosen.replaceChildren(...names.map((one) => h("option", { value: one }, one)),
       h("option", { value: "" }, "A new dataset …"));
     chosen.value = names.includes(wanted) ? wanted : "";
@@ -119,6 +120,11 @@ async function listClouds(element, name, signal, after = "") {
   }
 }
 
+/** An error that the user can mend. */
+function refusal(title, detail) {
+  return new Problem({ status: 422, title, detail });
+}
+
 /** Where files are dropped, or picked, and what becomes of each. */
 function dropZone(context, target, made) {
   const files = h("input", { type: "file", multiple: true, class: "unseen", tabindex: "-1", "aria-hidden": "true" });
@@ -147,11 +153,14 @@ function dropZone(context, target, made) {
   async function take(found) {
     const dataset = target();
     if (!found.length) return;
+    if (pick.disabled) {
+      problem.replaceChildren(failure(refusal("Files are being sent", "Drop these again when that is done.")));
+      return;
+    }
     await doing(pick, problem, async () => {
-      if (!dataset) throw Object.assign(new Error("Type a name for the new dataset first, then drop the files again."),
-        { title: "The dataset has no name", status: 422 });
+      if (!dataset) throw refusal("The dataset has no name", "Type a name for the new dataset, then drop the files again.");
       const how = { unit: unit.value || null, replace: replace.checked };
-      await get(`v1/datasets/${dataset}`, { method: "PUT", signal: context.signal });
+      await get(pathOf`v1/datasets/${dataset}`, { method: "PUT", signal: context.signal });
       try {
         await verdicts.follow(found, context.signal, (more) => send(dataset, found, { ...how, ...more }));
       } finally {

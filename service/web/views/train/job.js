@@ -1,9 +1,9 @@
 /** One job, followed live: its stages, the time left, its log, and what came of it. */
-import { get } from "../../api.js";
+import { get, pathOf } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { follow } from "../../parts/events.js";
 import { failure, loading } from "../../parts/states.js";
-import { duration, when } from "../../parts/words.js";
+import { count, duration, when } from "../../parts/words.js";
 import { linkTo } from "../../place.js";
 import { doing } from "./changes.js";
 import { badge, over, whatOf } from "./jobs.js";
@@ -21,12 +21,13 @@ export class FollowedJob {
   constructor(context, id, ended) {
     Object.assign(this, { context, id, ended });
     this.head = h("div", {}, loading());
+    this.actions = h("p", { class: "buttons" });
     this.problem = h("div");
     this.outcome = h("div");
     this.lost = h("p", { class: "fine hidden", role: "status" }, "The connection is lost; trying again …");
     this.log = h("pre", { class: "log", tabindex: "0", "aria-label": "Log of the job" });
     this.logs = h("details", { open: true }, h("summary", {}, "Log"), this.log);
-    this.element = h("article", { class: "job", "aria-live": "off" }, this.head, this.problem, this.lost, this.outcome,
+    this.element = h("article", { class: "job", "aria-live": "off" }, this.head, this.actions, this.problem, this.lost, this.outcome,
       this.logs);
     this.ticking = setInterval(() => this.tick(), 1000);
     this.begin();
@@ -42,7 +43,7 @@ export class FollowedJob {
     const signal = AbortSignal.any([this.following.signal, this.context.signal]);
     this.log.replaceChildren();
     try {
-      await follow(`v1/jobs/${this.id}/events`, {
+      await follow(pathOf`v1/jobs/${this.id}/events`, {
         signal,
         on: (event) => this.told(event),
         connected: (is) => this.lost.classList.toggle("hidden", is || this.isOver()),
@@ -70,7 +71,8 @@ export class FollowedJob {
   }
 
   show(job) {
-    const wasUnderWay = this.job !== undefined && !this.isOver();
+    const before = this.job;
+    const wasUnderWay = before !== undefined && !over(before);
     this.job = job;
     this.left = job.progress?.left_s ?? null;
     this.toldAt = Date.now();
@@ -79,8 +81,10 @@ export class FollowedJob {
       h("p", { class: "fine" }, "Submitted ", when(job.submitted), job.started && [", begun ", when(job.started)],
         job.finished && [", over ", when(job.finished)], job.worker && ` · worker ${job.worker}`,
         " · ", h("code", {}, job.id)),
-      ...[this.progress(job), this.buttons(job)].filter(Boolean),
+      ...[this.progress(job)].filter(Boolean),
     );
+    // The buttons stay while it goes on, so that they can be hit between two reports.
+    if (before?.state !== job.state) this.actions.replaceChildren(...[this.button(job)].filter(Boolean));
     this.outcome.replaceChildren(...[this.outcomeOf(job)].flat().filter(Boolean));
     if (over(job)) this.logs.open = job.state !== "done";
     if (wasUnderWay && over(job)) this.ended(job);
@@ -114,21 +118,17 @@ export class FollowedJob {
     this.time.textContent = `about ${duration(this.left - (Date.now() - this.toldAt) / 1000)} left`;
   }
 
-  buttons(job) {
+  button(job) {
     const act = (what) => (event) => doing(event.currentTarget, this.problem, async () => {
-      await get(`v1/jobs/${this.id}/${what}`, { method: "POST", signal: this.context.signal });
+      await get(pathOf`v1/jobs/${this.id}/${what}`, { method: "POST", signal: this.context.signal });
       if (what === "retry") {
         this.following.abort();
         this.begin();
       }
     });
-    if (!over(job)) {
-      return h("p", { class: "buttons" }, h("button", { type: "button", class: "danger", click: act("cancel") },
-        "Cancel"));
-    }
+    if (!over(job)) return h("button", { type: "button", class: "danger", click: act("cancel") }, "Cancel");
     if (job.state === "done") return null;
-    return h("p", { class: "buttons" }, h("button", { type: "button", click: act("retry") },
-      "Retry, from the stage at which it ended"));
+    return h("button", { type: "button", click: act("retry") }, "Retry, from the stage at which it ended");
   }
 
   outcomeOf(job) {
@@ -137,7 +137,7 @@ export class FollowedJob {
         h("p", {}, job.error.detail));
     }
     const made = job.result;
-    if (made?.kind === "simulate") return h("p", {}, `${made.clouds} clouds were added to ${made.dataset}.`);
+    if (made?.kind === "simulate") return h("p", {}, `${count(made.clouds, "cloud was", "clouds were")} added to ${made.dataset}.`);
     if (made?.kind === "evaluate") {
       return [h("p", {}, `Judged by ${made.clouds} clouds; the model refused ${made.unanswered} others.`),
         figures(made.metrics), reportOf(this.id, this.context.signal)];
@@ -152,9 +152,9 @@ export class FollowedJob {
     const compare = made.parent && linkTo("train", { ...Object.fromEntries(parameters), model: made.model,
       compare: `${made.parent},${version}` });
     return h("div", { class: "made" },
-      h("p", {}, h("strong", {}, version), ` was learnt from ${made.clouds - made.left_out} clouds ${promoted}.`,
-        made.left_out > 0 && ` ${made.left_out} clouds could not be learnt from: the log says which.`,
-        made.names_carried > 0 && ` ${made.names_carried} names of concepts were carried over.`),
+      h("p", {}, h("strong", {}, version), ` was learnt from ${count(made.clouds - made.left_out, "cloud")} ${promoted}.`,
+        made.left_out > 0 && ` ${count(made.left_out, "cloud")} could not be learnt from: the log says which.`,
+        made.names_carried > 0 && ` ${count(made.names_carried, "name was", "names were")} carried over.`),
       made.reasons.length > 0 && h("ul", {}, made.reasons.map((reason) => h("li", {}, reason))),
       made.metrics && figures(made.metrics),
       h("p", { class: "buttons" }, h("a", { class: "button", href: linkTo("concepts", { model: version }) },

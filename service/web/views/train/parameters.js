@@ -4,10 +4,12 @@ import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 import { field, tick } from "./changes.js";
 
+const PRESETS = { default: "the default", paper: "the paper's own choices" };
+
 /** The parameters of every stage, as the service's own description (/openapi.json) has them. */
 export class ParameterFields {
   constructor(signal) {
-    this.fields = []; // { stage, name, default, read }
+    this.fields = []; // { stage, name, value: the default, read, write }
     this.place = h("div");
     this.element = h("details", {}, h("summary", {}, "Parameters of every stage"), this.place);
     this.element.addEventListener("toggle", () => {
@@ -18,14 +20,23 @@ export class ParameterFields {
   load(signal) {
     return loadInto(this.place, signal, () => get("openapi.json", { signal }), ({ components: { schemas } }) => {
       this.fields = [];
-      return Object.entries(schemas.ModelParams.properties).map(([stage, told]) => {
+      const stages = Object.entries(schemas.ModelParams.properties).map(([stage, told]) => {
         const schema = schemas[told.$ref.split("/").pop()];
         return h("details", { class: "stage-parameters" }, h("summary", {}, stage, h("span", { class: "fine" },
           ` ${schema.description.split("\n")[0]}`)),
         h("div", { class: "two" }, Object.entries(schema.properties).map(([name, parameter]) =>
           this.fieldOf(stage, name, parameter))));
       });
+      return [this.presetField(schemas.ModelParams["x-presets"]), stages];
     });
+  }
+
+  /** What fills all fields at once; each can be altered afterwards. */
+  presetField(presets) {
+    const preset = h("select", { change: () => {
+      for (const { stage, name, value, write } of this.fields) write(presets[preset.value][stage]?.[name] ?? value);
+    } }, Object.keys(presets).map((name) => h("option", { value: name }, PRESETS[name] ?? name)));
+    return field("Begin with", preset, "fills in all of the fields below");
   }
 
   fieldOf(stage, name, told) {
@@ -43,7 +54,11 @@ export class ParameterFields {
       if (told.type === "boolean") return control.checked;
       return told.enum ? control.value : Number(control.value);
     };
-    this.fields.push({ stage, name, value, read });
+    const write = (other) => {
+      if (told.type === "boolean") control.checked = other;
+      else control.value = other;
+    };
+    this.fields.push({ stage, name, value, read, write });
     if (told.type === "boolean") {
       return h("div", { class: "field" }, tick(name, control), h("p", { class: "fine" }, told.description));
     }
@@ -63,7 +78,8 @@ export class ParameterFields {
 /** The main parameters of mental simulation. */
 export class SimulationFields {
   constructor() {
-    this.from = h("input", { type: "number", min: 1, max: 12, value: 1, required: true, "aria-label": "fewest parts" });
+    this.from = h("input", { type: "number", min: 1, max: 12, value: 1, required: true, "aria-label": "fewest parts",
+      input: () => { this.to.min = this.from.value; } });
     this.to = h("input", { type: "number", min: 1, max: 12, value: 5, required: true, "aria-label": "most parts" });
     this.noise = h("select", {}, h("option", { value: "kinect" }, "as of a Kinect"),
       h("option", { value: "none" }, "none"));

@@ -1,12 +1,12 @@
 /** The report of an evaluation: what tells labels apart, label by label. */
-import { get, hasKey, pictureUrl } from "../../api.js";
+import { get, hasKey, pathOf, pictureUrl } from "../../api.js";
 import { h } from "../../parts/elements.js";
 import { loadInto } from "../../parts/load.js";
 
 /** @param {string} job id of the job that has evaluated. @param {AbortSignal} signal */
 export function reportOf(job, signal) {
   const place = h("div");
-  loadInto(place, signal, () => get(`v1/jobs/${job}/report.json`, { signal }), (report) => [
+  loadInto(place, signal, () => get(pathOf`v1/jobs/${job}/report.json`, { signal }), (report) => [
     byLabel(report),
     Object.keys(report.data.unanswered).length > 0 && h("details", {}, h("summary", {}, "Clouds that it refused"),
       h("ul", { class: "fine" }, Object.entries(report.data.unanswered).slice(0, 100).map(([file, why]) =>
@@ -27,7 +27,7 @@ function byLabel(report) {
 
 /** The page of figures: opened, or, where a key is needed, which a link cannot send, saved as a file. */
 function wholeReport(job, signal) {
-  const path = `v1/jobs/${job}/report.html`;
+  const path = pathOf`v1/jobs/${job}/report.html`;
   if (!hasKey()) return h("a", { class: "button", href: path, target: "_blank", rel: "noopener" }, "The whole report");
   const save = async () => {
     const url = await pictureUrl(path, { signal });

@@ -1,6 +1,7 @@
 /** Files into a dataset: small ones together, archives in pieces, so that one sees how far it is and loses nothing. */
-import { get, Problem, request } from "../../api.js";
+import { get, pathOf, Problem, request } from "../../api.js";
 import { passes, pause } from "../../parts/events.js";
+import { faultOf } from "../../parts/files.js";
 import { pack } from "./tar.js";
 
 const TOGETHER = 8 * 2 ** 20; // bytes of files that are sent as one
@@ -27,13 +28,13 @@ const TAR = "application/x-tar";
  * @throws {Problem} the dataset is not there, or may not be altered, or the service cannot be reached.
  */
 export async function* send(dataset, files, { signal, unit, replace, sent }) {
-  const how = { path: `v1/datasets/${dataset}`, signal, unit, replace: replace || null, sent };
+  const how = { path: pathOf`v1/datasets/${dataset}`, signal, unit, replace: replace || null, sent };
   const archives = files.filter(({ file }) => ARCHIVE.test(file.name));
   const labels = files.filter(({ file }) => file.name === "labels.csv");
   const clouds = files.filter((one) => !archives.includes(one) && !labels.includes(one));
   for (const { path, file } of archives) yield refusedOr(path, () => inPieces(file, how));
-  for (const group of groups(clouds)) yield* together(group, how);
-  if (labels.length) yield* together(labels, how); // last, when the clouds are there
+  for (const group of groups(clouds)) yield* those(group, how);
+  if (labels.length) yield* those(labels, how); // last, when the clouds are there
 }
 
 function* groups(files) {
@@ -50,11 +51,23 @@ function* groups(files) {
   if (group.length) yield group;
 }
 
+/** Sends those files of a group that can be read. */
+async function* those(files, how) {
+  const faults = await Promise.all(files.map(({ file }) => faultOf(file)));
+  const gone = files.filter((_, place) => faults[place]);
+  if (gone.length) {
+    how.sent(sizeOf(gone));
+    yield gone.map((one) => refusal(one.path, faults[files.indexOf(one)]));
+  }
+  const there = files.filter((_, place) => !faults[place]);
+  if (there.length) yield* together(there, how);
+}
+
 /** Sends files as one archive; where that is refused as a whole, by halves, so that what is good of it is taken. */
 async function* together(files, how) {
   const verdicts = await refusedOr(files.length === 1 ? files[0].path : null, () => archive(pack(files), how));
   if (verdicts) {
-    how.sent(files.reduce((total, { file }) => total + file.size, 0));
+    how.sent(sizeOf(files));
     yield verdicts;
     return;
   }
@@ -71,8 +84,16 @@ async function refusedOr(path, work) {
     const itsOwnFault = error instanceof Problem && [400, 413, 415, 422].includes(error.status);
     if (!itsOwnFault) throw error;
     if (path === null) return null;
-    return [{ key: path, outcome: "refused", error: { type: error.type, detail: error.detail } }];
+    return [refusal(path, error)];
   }
+}
+
+function refusal(path, { type, detail }) {
+  return { key: path, outcome: "refused", error: { type, detail } };
+}
+
+function sizeOf(files) {
+  return files.reduce((total, { file }) => total + file.size, 0);
 }
 
 async function archive(body, { path, signal, unit, replace }) {
@@ -86,6 +107,8 @@ async function inPieces(file, { path, signal, unit, replace, sent }) {
   let [offset, piece] = [begun.offset, PIECE];
   while (offset < file.size) {
     const before = offset;
+    const fault = await faultOf(file, offset);
+    if (fault) throw fault; // otherwise it would be tried for ever
     try {
       const body = file.slice(offset, offset + piece);
       const headers = { "Content-Type": "application/offset+octet-stream", "Upload-Offset": String(offset) };

@@ -21,6 +21,7 @@ export function submissionPanel(context) {
       doing(button, state, submit);
     },
   });
+  form.addEventListener("invalid", (event) => unfold(event.target), { capture: true });
   const kinds = Object.keys(forms).map((kind) => {
     const radio = h("input", { type: "radio", name: "kind", value: kind, change: () => choose(kind) });
     return h("label", {}, radio, h("span", {}, titles[kind]));
@@ -48,7 +49,7 @@ export function submissionPanel(context) {
 
   async function refresh() {
     try {
-      const [datasets, known] = await Promise.all([datasetNames(signal), models(signal)]);
+      const [datasets, known] = await Promise.all([datasetNames(signal), models(signal).catch(noneFor403)]);
       Object.values(forms).forEach((one) => one.offer(datasets, known));
       state.replaceChildren();
     } catch (error) {
@@ -65,6 +66,17 @@ export function submissionPanel(context) {
       h("h2", { id: "submission-title" }, "New job"),
       h("div", { class: "segmented", role: "radiogroup", "aria-labelledby": "submission-title" }, kinds), form),
   };
+}
+
+/** Who may train, but not look at models, chooses among none. */
+function noneFor403(error) {
+  if (error.status === 403) return [];
+  throw error;
+}
+
+/** Opens whatever hides a field: of one that is hidden, no browser can say what is wrong with it. */
+function unfold(control) {
+  for (let fold = control.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
 }
 
 /** Learns a model from datasets, from simulated objects, or from both. */

@@ -69,7 +69,7 @@ export function versionsPanel(context) {
           one.counts.concepts ?? "–"),
         names.map((name) => h("td", { class: "number" }, one.metrics?.[name]?.toFixed(3) ?? "–")),
         h("td", {}, !serves && !model.built_in && h("button", { type: "button",
-          click: (event) => promote(event.currentTarget, reference) }, "Promote")));
+          "aria-label": `Promote ${reference}`, click: (event) => promote(event.currentTarget, reference) }, "Promote")));
     });
     return h("div", { class: "wide" }, h("table", { class: "versions" }, h("thead", {}, h("tr", {}, heads.map((head) =>
       h("th", { scope: "col" }, head)))), h("tbody", {}, rows)));
@@ -113,16 +113,21 @@ export function versionsPanel(context) {
     });
   }
 
-  function compare() {
+  /** Compares what the URL says. @param {boolean} byLink from elsewhere in the page: it is to be seen. */
+  function compare(byLink) {
     const pair = pairOf(place);
     if (compared.dataset.pair === pair.join()) return;
     compared.dataset.pair = pair.join();
-    compared.replaceChildren(...(pair.length === 2 ? [comparison(pair, signal)] : []));
+    compared.replaceChildren();
+    if (pair.length !== 2) return;
+    const { element, filled } = comparison(pair, signal);
+    compared.append(element);
+    if (byLink) filled.then(() => element.scrollIntoView({ block: "nearest" }));
   }
 
-  function changed() {
+  function changed(byLink = false) {
     refresh();
-    compare();
+    compare(byLink);
   }
 
   heard(context, "models", refresh);
@@ -130,7 +135,7 @@ export function versionsPanel(context) {
   return {
     element: h("section", { class: "panel", "aria-labelledby": "versions-title" },
       h("h2", { id: "versions-title" }, "Versions"), problem, list, compared),
-    changed,
+    changed: () => changed(true),
   };
 }
 

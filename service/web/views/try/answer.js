@@ -103,7 +103,8 @@ function row(concept, closeness, answer, model) {
   const bar = h("span", { class: "bar-fill" });
   bar.style.width = `${Math.max(1, 100 * closeness(concept.response))}%`;
   bar.style.background = model.tree.colour(concept.id);
-  const place = { model: model.reference, time: concept.time, concept: concept.id };
+  const place = { model: model.reference, concept: concept.id };
+  if (concept.time !== model.epsilonMax) place.time = concept.time; // otherwise it goes without saying
   const [response, distance] = [concept.response.toFixed(2), concept.distance.toFixed(2)];
   const exact = `response ${response}, mean distance ${distance} (Eq. 4); smaller is closer`;
   return h(

@@ -52,9 +52,10 @@ export class CloudPanel {
     this.told.textContent = "";
   }
 
-  /** Says that there is nothing to be seen; why stands beside. */
-  fail() {
-    this.element.classList.add("hidden");
+  /** Says that there is nothing to be seen. @param {?HTMLElement} why unless that stands beside. */
+  fail(why = null) {
+    this.element.classList.toggle("hidden", why === null);
+    if (why) this.over.replaceChildren(why);
   }
 
   /** @param {import("../../parts/ply.js").Drawn} drawn */

@@ -35,6 +35,7 @@ export class Input {
     this.onSample = onSample;
     this.samples = [];
     this.current = null; // what was asked about last
+    this.note = h("p", { class: "fine", role: "status" });
     this.buttons = h("div", { class: "samples", role: "group", "aria-label": "Samples" });
     this.element = this.#fill();
   }
@@ -50,12 +51,13 @@ export class Input {
   }
 
   /** The sample of a file's name, null where there is none. @returns {Promise<Cloud|null>} */
-  async sample(file) {
+  async sample(file, signal) {
     const sample = this.samples.find((one) => one.file === file);
     for (const button of this.buttons.querySelectorAll("button"))
       button.setAttribute("aria-pressed", String(button.dataset.file === file));
     if (!sample) return null;
-    const data = await (await api.request(`page/samples/${sample.file}`)).blob();
+    this.note.textContent = "";
+    const data = await (await api.request(`page/samples/${sample.file}`, { signal })).blob();
     this.element.querySelector(`[value=${sample.scene ? "scene" : "object"}]`).checked = true;
     this.current = { name: sample.file, data, mask: null, scene: sample.scene, reading: {} };
     return this.current;
@@ -72,7 +74,8 @@ export class Input {
         event.preventDefault();
         depth = 0;
         element.classList.remove("dropping");
-        if (event.dataTransfer.files.length) this.#take(event.dataTransfer.files[0]);
+        const { files } = event.dataTransfer;
+        if (files.length) this.#take(files[0], files.length);
       },
     };
     for (const [name, listener] of Object.entries(listeners)) element.addEventListener(name, listener);
@@ -110,6 +113,7 @@ export class Input {
         h("span", {}, " or drop one"),
         this.kind,
       ),
+      this.note,
       this.#options(),
     );
   }
@@ -165,7 +169,9 @@ export class Input {
     );
   }
 
-  #take(file) {
+  /** Asks about a file. @param {number} of how many that were dropped. */
+  #take(file, of = 1) {
+    this.note.textContent = of > 1 ? `Of the ${of} files, only ${file.name} is asked about: drop one at a time.` : "";
     this.place.set({ sample: null });
     this.sample(null);
     this.#tell({ name: file.name, data: file });
