@@ -146,10 +146,14 @@ def _check(version: str, headers: list[tuple[bytes, bytes]], ahead: int) -> None
     """
     if ahead > AHEAD:
         raise Invalid(f"No more than {AHEAD} requests may be sent ahead of their answers.")
-    if version == "1.1" and sum(name == b"host" for name, _ in headers) != 1:
+    hosts = 0
+    for name, value in headers:
+        if name == b"host":
+            hosts += 1
+        elif name == b"transfer-encoding" and value.lower() != b"chunked":
+            raise Invalid("Of the transfer codings none but chunked is known.")
+    if hosts != 1 and version == "1.1":
         raise Invalid("A request has one Host header.")
-    if any(name == b"transfer-encoding" and value.lower() != b"chunked" for name, value in headers):
-        raise Invalid("Of the transfer codings none but chunked is known.")
 
 
 class _Joined:
