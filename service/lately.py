@@ -94,11 +94,15 @@ class Answers:
     Args:
         believed: for how long an answer is taken to be so still, seconds.
         patience: how long to wait for the store before going on with what was known, seconds.
+        now: a clock, seconds.
     """
 
-    def __init__(self, believed: float = 1.0, patience: float = 1.0) -> None:
+    def __init__(
+        self, believed: float = 1.0, patience: float = 1.0, now: Callable[[], float] = clock.monotonic
+    ) -> None:
         self._believed = believed
         self._patience = patience
+        self._now = now
         self._known: dict[str, _Known] = {}
         self._asked: dict[str, _Asked] = {}
         self._lock = threading.Lock()
@@ -115,7 +119,7 @@ class Answers:
             ShapeConceptsError: whatever `read` raises; not `StoreUnavailable` where an answer is known.
         """
         with self._lock:
-            now = clock.monotonic()
+            now = self._now()
             known = self._known.get(question)
             if known is not None:
                 if now - known.at < self._believed:
@@ -135,7 +139,7 @@ class Answers:
     def at_hand(self, question: str) -> bool:
         """Whether the answer is known, and will be believed for another moment: `get` would give it at once."""
         known = self._known.get(question)
-        return known is not None and clock.monotonic() - known.at < self._believed - MOMENT
+        return known is not None and self._now() - known.at < self._believed - MOMENT
 
     def forget(self) -> None:
         """Believes nothing any more, not even what is being read."""
@@ -151,7 +155,7 @@ class Answers:
         try:
             value = read()
             with self._lock:
-                answers[question] = _Known(value, clock.monotonic())
+                answers[question] = _Known(value, self._now())
             return value
         except StoreUnavailable:
             raise
@@ -168,5 +172,5 @@ class Answers:
         with self._lock:
             if self._known.get(question) is not known:
                 return
-            self._known[question] = known._replace(at=clock.monotonic())
+            self._known[question] = known._replace(at=self._now())
         log.warning("going on with what was known of %s: %s", question, why)

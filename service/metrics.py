@@ -182,7 +182,10 @@ def expose(families: Iterable[Metric], accept: str = "") -> tuple[bytes, str]:
 
     registry = CollectorRegistry()
     registry.register(Told())
-    encode, media_type = choose_encoder(accept)
+    try:
+        encode, media_type = choose_encoder(accept)
+    except (TypeError, ValueError):  # the library stumbles over versions that are none
+        encode, media_type = choose_encoder("")
     return encode(registry), media_type
 
 

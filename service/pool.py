@@ -100,15 +100,23 @@ class Pool:
         workers: threads.
         queue: how many more than those may be admitted.
         waited: is told how long each piece of work waited for a thread, seconds.
+        now: a clock, seconds.
     """
 
-    def __init__(self, workers: int, queue: int, waited: Callable[[float], None] = lambda seconds: None) -> None:
+    def __init__(
+        self,
+        workers: int,
+        queue: int,
+        waited: Callable[[float], None] = lambda seconds: None,
+        now: Callable[[], float] = clock.monotonic,
+    ) -> None:
         self.places = workers + queue
         self._waited = waited
         self._working = 0
         self._workers = workers
         self._admitted = 0
-        self._nobody_waited = clock.monotonic()
+        self._now = now
+        self._nobody_waited = now()
         self._lock = threading.Lock()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="respond")
 
@@ -150,7 +158,7 @@ class Pool:
 
     def _open(self) -> int:
         """How many places there are now."""
-        if self._admitted <= self._workers or clock.monotonic() - self._nobody_waited < BURST:
+        if self._admitted <= self._workers or self._now() - self._nobody_waited < BURST:
             return self.places
         return min(self.places, (1 + STANDING) * self._workers)
 
@@ -251,7 +259,7 @@ class Pool:
         with self._lock:
             taken = self._admitted < limit
             if self._admitted <= self._workers:
-                self._nobody_waited = clock.monotonic()
+                self._nobody_waited = self._now()
             self._admitted += taken
             return taken
 
@@ -259,4 +267,4 @@ class Pool:
         with self._lock:
             self._admitted -= 1
             if self._admitted <= self._workers:
-                self._nobody_waited = clock.monotonic()
+                self._nobody_waited = self._now()

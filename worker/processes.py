@@ -1,9 +1,12 @@
-"""Processes that are ready when there is work for them: they import while the process that asks for them still does."""
+"""Processes that are ready when there is work for them, and end when nobody can give them any."""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
 from multiprocessing import forkserver
+from multiprocessing.connection import wait
 
 PRELOADED = ("worker.sources", "worker.learning.ready")
 RENDERERS = {"raycast": "worker.simulation.raycast", "sapien": "worker.simulation.scene"}
@@ -11,6 +14,8 @@ RENDERERS = {"raycast": "worker.simulation.raycast", "sapien": "worker.simulatio
 
 def prepare(renderer: str | None = None) -> None:
     """Has all processes that joblib starts from now on stem from one that has imported, once, what learning needs.
+
+    It imports while the program that asks for it still does.
 
     For programs whose only purpose is to simulate and to learn: these processes are in a session of their own, and
     cannot be handed large arrays in shared memory.
@@ -24,3 +29,17 @@ def prepare(renderer: str | None = None) -> None:
     multiprocessing.set_forkserver_preload([*PRELOADED, *([RENDERERS[renderer]] if renderer else [])])
     forkserver.ensure_running()
     set_start_method("forkserver", force=True)
+
+
+def end_with(pid: int) -> None:
+    """Has this process end when another one does, however that ends: joblib's would wait minutes for more work.
+
+    Only Linux can tell of any process that it has ended; elsewhere nothing is done.
+    """
+    if hasattr(os, "pidfd_open"):
+        threading.Thread(target=_end_after, args=[os.pidfd_open(pid)], daemon=True).start()
+
+
+def _end_after(process: int) -> None:
+    wait([process])
+    os._exit(1)

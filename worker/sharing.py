@@ -5,6 +5,7 @@ The stages call joblib and do not know. A cluster must give the same bits, so it
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from joblib import parallel_config
 
 from service.engine.errors import ClusterUnavailable
 from service.model_file import libraries
+from worker.processes import end_with
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -35,7 +37,7 @@ def shared_out(workers: int, cluster: str | None = None, patience: float = PATIE
             bits.
     """
     if cluster is None:
-        with parallel_config(backend="loky", n_jobs=workers):
+        with parallel_config(backend="loky", n_jobs=workers, initializer=end_with, initargs=(os.getpid(),)):
             yield
         return
     client = _connect(cluster, patience)

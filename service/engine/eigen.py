@@ -23,7 +23,7 @@ def principal_axes(matrix: Symmetric) -> tuple[Vector, Vector, Vector]:
     mean = (xx + yy + zz) / 3
     dx, dy, dz = xx - mean, yy - mean, zz - mean
     spread = np.sqrt((dx * dx + dy * dy + dz * dz + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
-    if spread <= ROUND * mean:
+    if spread <= ROUND * abs(mean):  # of points that all but coincide rounding may leave less than nothing
         return (mean, mean, mean), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     half = (dx * (dy * dz - yz * yz) - xy * (xy * dz - yz * xz) + xz * (xy * yz - dy * xz)) / (2 * spread**3)
     angle = np.arccos(min(max(half, -1.0), 1.0)) / 3

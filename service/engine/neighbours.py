@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 MOST_COLUMNS = 256  # of the search grid, along each of its two sides
 CORNER = 1.8  # cells: beyond those that share a corner, short of the next but one
 ROOM = 64  # neighbours of a point for which there is room beforehand
+ROUNDING = 1e-3  # of the radius, by which columns are looked for farther: a point may lie on the side of one
 
 
 @dataclass(frozen=True)
@@ -139,17 +140,17 @@ def _later(
     size = points.shape[1]
     found, squared = np.empty(ROOM * size, np.int32), np.empty(ROOM * size)
     ends = np.empty(size, np.int64)
-    reach, per_edge, end = radius**2, 1 / edge, 0
+    reach, margin, per_edge, end = radius**2, ROUNDING * radius, 1 / edge, 0
     xs, ys, zs = points
     for i in range(size):
         if len(found) < end + size:
             found, squared = _longer(found, end + ROOM * size), _longer(squared, end + ROOM * size)
         x, y, z = xs[i], ys[i], zs[i]
-        own, _ = _reached(x, 0.0, per_edge, first[0], shape[0])
-        _, right = _reached(x, radius, per_edge, first[0], shape[0])
+        own, _ = _reached(x, margin, per_edge, first[0], shape[0])
+        _, right = _reached(x, radius + margin, per_edge, first[0], shape[0])
         for a in range(own, right + 1):
             gap = max((a + first[0]) * edge - x, 0.0)
-            low, high = _reached(y, np.sqrt(max(reach - gap * gap, 0.0)), per_edge, first[1], shape[1])
+            low, high = _reached(y, np.sqrt(max(reach - gap * gap, 0.0)) + margin, per_edge, first[1], shape[1])
             for k in range(max(starts[a * shape[1] + low], i + 1), starts[a * shape[1] + high + 1]):
                 place, after = np.uint64(k), np.uint64(end)  # unsigned: no place counts from the end
                 dx, dy, dz = xs[place] - x, ys[place] - y, zs[place] - z
@@ -162,9 +163,9 @@ def _later(
 
 @njit(nogil=True, error_model="numpy", inline="always")
 def _reached(at: float, reach: float, per_edge: float, first: float, count: int) -> tuple[int, int]:
-    """The first and the last of a grid's columns that are within reach, with one thousandth for rounding."""
-    low = int(np.floor((at - 1.001 * reach) * per_edge) - first)
-    high = int(np.floor((at + 1.001 * reach) * per_edge) - first)
+    """The first and the last of a grid's columns that are within reach."""
+    low = int(np.floor((at - reach) * per_edge) - first)
+    high = int(np.floor((at + reach) * per_edge) - first)
     return max(low, 0), min(high, count - 1)
 
 

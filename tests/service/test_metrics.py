@@ -5,9 +5,10 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 from prometheus_client import CollectorRegistry, Histogram, generate_latest
 
-from service.metrics import SECONDS, Distribution, Tally, expose
+from service.metrics import SECONDS, Distribution, Metrics, Tally, expose
 from tests.service.measured import parsed
 
 VALUES = [*np.random.default_rng(3).exponential(0.1, 200), 0.0, *SECONDS, 1e9]  # bounds themselves are within
@@ -47,3 +48,12 @@ def test_no_observation_of_many_threads_is_lost() -> None:
 
 def told(metric: Distribution | Tally) -> dict[tuple[object, ...], float]:
     return parsed(expose([metric.family()])[0].decode())
+
+
+@pytest.mark.parametrize(
+    "accept", ["", "application/openmetrics-text; version=x.y", "text/plain;version=1.a", "\xff;;,"]
+)
+def test_metrics_are_told_whatever_a_client_says_it_takes(accept: str) -> None:
+    page, media_type = Metrics().page(accept)
+    assert b"shape_concepts_info" in page
+    assert media_type

@@ -12,6 +12,7 @@ import pytest
 
 from service.engine.errors import Cancelled, Overloaded
 from service.pool import BURST, STANDING, Intake, Pool
+from tests.service.test_lately import Clock
 
 
 def test_one_too_many_is_refused_at_once_and_admitted_later() -> None:
@@ -107,16 +108,21 @@ class TestSeveralItems:
         pool = Pool(workers=1, queue=1)
         done: list[str] = []
 
+        begun, go_on = threading.Event(), threading.Event()
+
         def work(name: str) -> None:
-            time.sleep(0.02)
+            begun.set()
+            assert go_on.wait(10)
             done.append(name)
 
         async def both() -> None:
             with pool.admitted():
                 batch = asyncio.create_task(pool.run_each(work, [f"item {number}" for number in range(10)], never))
-                await asyncio.sleep(0.01)
+                await asyncio.to_thread(begun.wait, 10)
                 with pool.admitted():
-                    await pool.run(work, "other")
+                    other = pool.begin(work, "other")
+                    go_on.set()
+                    await other.result
                 await batch
 
         asyncio.run(both())
@@ -148,7 +154,7 @@ class TestSeveralItems:
 
 class TestTooMuchToDo:
     def test_a_burst_is_taken_in_whole(self) -> None:
-        pool = Pool(workers=2, queue=30)
+        pool = Pool(workers=2, queue=30, now=Clock())
         with ExitStack() as stack:
             for _ in range(32):
                 stack.enter_context(pool.admitted())
@@ -157,12 +163,13 @@ class TestTooMuchToDo:
         pool.close()
 
     def test_where_some_have_waited_all_the_time_few_may_wait(self) -> None:
-        pool = Pool(workers=2, queue=30)
+        clock = Clock()
+        pool = Pool(workers=2, queue=30, now=clock)
         with ExitStack() as stack:
             held = [stack.enter_context(ExitStack()) for _ in range(12)]
             for place in held:
                 place.enter_context(pool.admitted())
-            time.sleep(1.5 * BURST)
+            clock.shows += 1.5 * BURST
             few = 2 * (1 + STANDING)
             for place in held:
                 left = pool.at_work + pool.waiting
@@ -176,18 +183,20 @@ class TestTooMuchToDo:
         pool.close()
 
     def test_when_nobody_waits_any_more_another_burst_is_taken_in(self) -> None:
-        pool = Pool(workers=1, queue=30)
+        clock = Clock()
+        pool = Pool(workers=1, queue=30, now=clock)
         with pool.admitted(), pool.admitted():
-            time.sleep(1.5 * BURST)
+            clock.shows += 1.5 * BURST
         with ExitStack() as stack:
             for _ in range(31):
                 stack.enter_context(pool.admitted())
         pool.close()
 
     def test_a_queue_shorter_than_that_stays_as_short(self) -> None:
-        pool = Pool(workers=1, queue=1)
+        clock = Clock()
+        pool = Pool(workers=1, queue=1, now=clock)
         with pool.admitted(), pool.admitted():
-            time.sleep(1.5 * BURST)
+            clock.shows += 1.5 * BURST
             with pytest.raises(Overloaded):
                 pool.check()
         pool.close()

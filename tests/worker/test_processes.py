@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import pytest
 
 PROGRAM = """
 import sys
@@ -44,3 +47,47 @@ def test_prepared_processes_see_what_others_see(tmp_path: Path) -> None:
     assert said[0].stdout == said[1].stdout
     assert said[0].stdout.count("\n") == 8
     assert said[0].stderr == ""
+
+
+WAITING = """
+import os, sys, time
+from worker.processes import prepare
+from worker.sharing import shared_out
+
+def tell(_):
+    print(os.getpid(), flush=True)
+    time.sleep(600)
+
+if __name__ == "__main__":
+    if sys.argv[1] == "prepared":
+        prepare("raycast")
+    from joblib import Parallel, delayed
+
+    with shared_out(2):
+        Parallel()(delayed(tell)(number) for number in range(2))
+"""
+
+
+def lives(pid: int) -> bool:
+    """Whether a process is there and not merely unburied."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linux tells of any process that it has ended")
+@pytest.mark.parametrize("how", ["prepared", "not"])
+def test_processes_end_with_the_one_they_work_for_even_if_it_is_killed(tmp_path: Path, how: str) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(WAITING)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, str(program), how]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as killed:
+        assert killed.stdout is not None
+        pids = [int(killed.stdout.readline()) for _ in range(2)]
+        killed.kill()
+        until = time.monotonic() + 20
+        while any(lives(pid) for pid in pids):
+            assert time.monotonic() < until, f"{pids} live on"
+            time.sleep(0.05)

@@ -20,6 +20,7 @@ MASS = 2e-5  # rounding of sums of distributions
 TERMS = tuple(1 / (2 * k * (2 * k - 1)) for k in range(1, 65))
 C1, C2, C3, C4, C5, C6 = TERMS[:6]
 C8, C16, C32, C64 = sum(TERMS[6:8]), sum(TERMS[8:16]), sum(TERMS[16:32]), sum(TERMS[32:64])
+LIGHTEST, HEAVIEST = 1e-30, 1e30  # sums of entries by which single precision can divide
 LEAST = 0.1  # below this the high powers are nothing, and would be numbers too small for fast arithmetic
 _REASSOCIATED = {"reassoc", "contract", "nsz", "arcp"}
 
@@ -34,7 +35,7 @@ def nearly(
     stop: int,
     total: float,
 ) -> float:
-    """A lower bound of JSD(p, q), nats, seldom a hundredth below it.
+    """A lower bound of JSD(p, q), nats, seldom a hundredth below it; 0 where the sum of q is out of all proportion.
 
     Args:
         p: (V,) dense, of sum 1, or of zeros.
@@ -45,6 +46,8 @@ def nearly(
         stop: of them.
         total: their sum: q is what they are divided by it.
     """
+    if not LIGHTEST < total < HEAVIEST:
+        return 0.0
     both, shared = 0.0, 0.0
     for first in range(start, stop, BLOCK):
         last = min(first + BLOCK, stop)

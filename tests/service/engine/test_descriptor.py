@@ -75,13 +75,48 @@ def plain_fpfh(points: NDArray[np.float64], normals: NDArray[np.float64], radius
     return out / out.sum(axis=1, keepdims=True)
 
 
-def test_fpfh_is_what_its_paper_says(graph: SegmentGraph):
+def plain_shapes(points: NDArray[np.float64], normals: NDArray[np.float64], draws: int) -> NDArray[np.float64]:
+    """The shape distributions (5, 24) word by word, every triple for itself."""
+    rms = np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())
+    out = np.zeros((5, SHAPE_BINS))
+    for i, j, k in (np.random.default_rng(0).random((draws, 3)) * len(points)).astype(int):
+        if len({i, j, k}) < 3:
+            continue
+        a, b, n, m = points[j] - points[i], points[k] - points[i], normals[i], normals[j]
+        side = np.linalg.norm(a)
+        area = np.linalg.norm(np.cross(a, b)) / 2
+        values = [
+            side / rms / 4,
+            np.sqrt(area) / rms / 2,
+            np.arccos(a @ b / side / np.linalg.norm(b)) / np.pi,
+            np.arccos(np.clip(n @ m, -1, 1)) / np.pi,
+            ((m - n) @ a / side / 2 + 1) / 2,
+        ]
+        for shape, value in enumerate(values):
+            place = min(value, 1) * SHAPE_BINS - 0.5  # of the centres of bins, that of the first is 0
+            for bin in (int(np.floor(place)), int(np.floor(place)) + 1):
+                out[shape, min(max(bin, 0), SHAPE_BINS - 1)] += 1 - abs(place - bin)
+    return out / out.sum()
+
+
+@pytest.fixture(scope="module")
+def few(graph: SegmentGraph) -> SegmentGraph:
+    """Sixty points whose normals look anywhere."""
     rng = np.random.default_rng(0)
     points = rng.random((60, 3)) * [1, 1, 0.3]
     normals = rng.standard_normal((60, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    few = replace(graph, points=points, normals=normals, labels=np.zeros(60, int), voxel=1e-6)
-    assert np.allclose(fpfh(few, 0.5), plain_fpfh(points, normals, 0.5), atol=1e-12)
+    return replace(graph, points=points, normals=normals, labels=np.zeros(60, int), share=np.ones(1), voxel=1e-6)
+
+
+def test_fpfh_is_what_its_paper_says(few: SegmentGraph):
+    assert np.allclose(fpfh(few, 0.5), plain_fpfh(few.points, few.normals, 0.5), atol=1e-12)
+
+
+@pytest.mark.parametrize("draws", [100, 2000])
+def test_shape_distributions_are_those_of_all_triples_one_by_one(few: SegmentGraph, draws: int):
+    told = whole(few, DescriptorParams(shape_weight=1, draws=draws))[33:].reshape(5, SHAPE_BINS)
+    assert np.allclose(told, plain_shapes(few.points, few.normals, draws), atol=1e-7)
 
 
 def test_fpfh_agrees_with_open3d(graph: SegmentGraph):

@@ -15,6 +15,7 @@ SPREADS = {
     "a rod": [1, 1e-2, 0.99e-2],
     "a ball": [1, 1, 1],
     "a point": [0, 0, 0],
+    "a point but for rounding": [-1e-17, -1e-17, -1e-17],
 }
 
 

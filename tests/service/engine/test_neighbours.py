@@ -23,6 +23,22 @@ def test_all_points_within_the_radius_are_neighbours_and_no_others(count: int, e
     assert np.allclose(near.squared, distance[rows, columns] ** 2, atol=1e-15)
 
 
+@pytest.mark.parametrize("side", [-np.inf, 0.0, np.inf])
+@pytest.mark.parametrize("edge", [0.0371627223, 0.1, 0.3, 1 / 3])
+def test_points_on_the_sides_of_columns_have_all_their_neighbours(edge: float, side: float):
+    """There a quotient and a product of the same numbers round to either side."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        points = rng.integers(-30, 30, (100, 3)) * edge
+        points = np.nextafter(points, side) if side else points
+        for radius in (edge, 2.5 * edge, 3 * edge, 4 * edge):
+            near = neighbourhood(points, radius, edge)
+            x, y, z = ((axis[:, None] - axis) ** 2 for axis in points.T)
+            rows, columns = np.nonzero(x + y + z <= radius**2)
+            assert np.array_equal(near.rows, rows)
+            assert np.array_equal(near.indices, columns)
+
+
 def test_neighbours_within_less_are_those_of_a_search_within_less():
     points = np.random.default_rng(0).random((200, 3))
     within, searched = neighbourhood(points, 0.4).within(0.2), neighbourhood(points, 0.2)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 import uvicorn
@@ -14,20 +16,27 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from service.transports.http1 import BESIDE, Protocol
+from service.transports.http1 import AHEAD, BESIDE, Protocol
 
 PATIENCE = 10.0  # seconds
 
 
-@pytest.fixture(scope="module")
-def port() -> Iterator[int]:
-    """Of a server that says how many bytes a body has."""
+@contextmanager
+def serving(idle: int) -> Iterator[int]:
+    """The port of a server that says how many bytes a body has; idle connections are closed after so many seconds."""
 
     async def count(request: Request) -> Response:
         return Response(str(len(await request.body())))
 
-    app = Starlette(routes=[Route("/", count, methods=["POST"])])
-    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", http=Protocol))
+    async def linger(request: Request) -> Response:
+        await asyncio.sleep(2.5 * idle)
+        return Response(str(len(await request.body())))
+
+    app = Starlette(routes=[Route("/", count, methods=["POST"]), Route("/later", linger, methods=["POST"])])
+    config = uvicorn.Config(
+        app, host="127.0.0.1", port=0, log_level="error", http=Protocol, timeout_keep_alive=idle, lifespan="off"
+    )
+    server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()
     while not server.started:
@@ -35,6 +44,12 @@ def port() -> Iterator[int]:
     yield server.servers[0].sockets[0].getsockname()[1]
     server.should_exit = True
     thread.join()
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with serving(idle=75) as port:
+        yield port
 
 
 @pytest.fixture
@@ -118,3 +133,70 @@ def test_an_answer_comes_before_the_connection_ends(client: socket.socket) -> No
     client.sendall(asking(b"12", "Connection: close"))
     told(client, b"2")
     assert client.recv(10) == b""
+
+
+def all_of(client: socket.socket) -> tuple[list[str], list[str]]:
+    """The statuses of all answers until the connection ends, and their bodies."""
+    got = b""
+    while piece := client.recv(65_536):
+        got += piece
+    answers = [answer.partition(b"\r\n\r\n") for answer in got.split(b"HTTP/1.1 ")[1:]]
+    return [head[:3].decode() for head, _, _ in answers], [body.decode() for _, _, body in answers]
+
+
+BROKEN_BODY = b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nnonsense\r\n"
+NO_REQUESTS = {
+    "nonsense": b"NONSENSE\r\n\r\n",
+    "a body in broken pieces": BROKEN_BODY,
+    "no host": b"POST / HTTP/1.1\r\nContent-Length: 0\r\n\r\n",
+    "two hosts": asking(b"", "Host: y"),
+    "two lengths": asking(b"", "Content-Length: 3"),
+    "a length of pieces": asking(b"0\r\n\r\n", "Transfer-Encoding: chunked"),
+    "compressed pieces": asking(b"").replace(b"Content-Length: 0", b"Transfer-Encoding: gzip, chunked"),
+    "a tunnel": b"CONNECT x:80 HTTP/1.1\r\nHost: x\r\n\r\n",
+}
+
+
+@pytest.mark.parametrize("what", NO_REQUESTS)
+def test_what_is_no_request_is_refused_after_the_answers_to_those_before(client: socket.socket, what: str) -> None:
+    client.sendall(asking(b"123") + asking(b"") + NO_REQUESTS[what])
+    statuses, bodies = all_of(client)
+    assert statuses == ["200", "200", "400"]
+    assert bodies[:2] == ["3", "0"]
+
+
+def test_a_body_that_breaks_off_in_nonsense_is_refused_while_it_is_waited_for(client: socket.socket) -> None:
+    client.sendall(BROKEN_BODY[:-10])
+    client.sendall(BROKEN_BODY[-10:])
+    assert all_of(client)[0] == ["400"]
+
+
+@pytest.mark.parametrize("offer", ["h2c", "websocket"])
+def test_an_offer_of_another_protocol_is_passed_over(client: socket.socket, offer: str) -> None:
+    """As curl --http2 and Java's own client make it with their first request."""
+    headers = f"Upgrade: {offer}", "Connection: Upgrade, HTTP2-Settings"
+    client.sendall(asking(b"12345", *headers) + asking(b"", *headers))
+    client.sendall(in_pieces(b"1234567", 2).replace(b"Host: x", "\r\n".join(["Host: x", *headers]).encode()))
+    client.sendall(asking(b"123", "Connection: close"))
+    assert all_of(client) == (["200"] * 4, ["5", "0", "7", "3"])
+
+
+def test_many_may_be_sent_ahead_of_their_answers_and_more_are_refused(client: socket.socket) -> None:
+    client.sendall(b"".join(asking(bytes(length)) for length in range(AHEAD)))
+    told(client, str(AHEAD - 1).encode())
+    client.sendall(asking(b"") * 3 * AHEAD)  # in less bytes than are read at a time
+    statuses, _ = all_of(client)
+    assert statuses[-1] == "400"
+    assert len(statuses) < 3 * AHEAD
+
+
+def test_who_sends_no_head_in_time_is_hung_up_on_and_who_waits_for_an_answer_is_not() -> None:
+    beginnings = b"", b"\r\n", b"POST / HTTP/1.1\r\nHost:", asking(b"1") + b"POST /"
+    later = asking(b"123").replace(b"POST /", b"POST /later")
+    with serving(idle=1) as port:
+        clients = [socket.create_connection(("127.0.0.1", port), PATIENCE) for _ in (*beginnings, later)]
+        for client, beginning in zip(clients, (*beginnings, later + b"POST /"), strict=True):
+            client.sendall(beginning)
+        assert [all_of(client)[1] for client in clients] == [[], [], [], ["1"], ["3"]]
+        for client in clients:
+            client.close()

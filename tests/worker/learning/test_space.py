@@ -237,6 +237,18 @@ def test_vectors_that_differ_by_rounding_are_told_apart_from_equal_ones():
     assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
 
 
+@pytest.mark.parametrize("scales", [[1e-44, 1.0], [1e-40, 1e-20, 1e30], [1e37, 1e-37]])
+def test_vectors_may_be_of_any_size(scales: list[float]):
+    """Down to where single precision cannot divide by their sums any more."""
+    rng = np.random.default_rng(0)
+    rows = rng.random((40, 12)) * rng.choice(scales, (40, 1))
+    stimuli = csr_array(rows.astype(np.float32))
+    distances = exact_distances(stimuli)
+    space = build_space(stimuli)
+    assert list(map(tuple, space.edges.tolist())) == kruskal(distances)
+    assert np.array_equal(space.distance, distances[tuple(space.edges.T)])
+
+
 def test_thousands_of_equal_vectors_cost_no_more_than_one():
     rows = np.repeat(sparse(13, 5, dimensions=50, fill=1.0).toarray(), 4000, axis=0)
     space = build_space(csr_array(rows))

@@ -9,6 +9,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -20,6 +21,7 @@ from service.clouds import write_ply
 from service.engine.cloud import PointCloud
 from service.settings import Settings
 from tests.service.transports.rest.test_responses import answer_of, as_xyz
+from tests.service.transports.zenoh.waiting import until
 
 BATCH = "/v1/responses/batch"
 
@@ -92,33 +94,6 @@ def test_problems_name_the_request(client: httpx.Client) -> None:
     assert {item["problem"]["instance"] for item in items_of(response)} == {"urn:shape-concepts:request:robot-7"}
 
 
-class TestWithOneWorker:
-    @pytest.fixture
-    def settings(self, settings: Settings) -> Settings:
-        return settings.model_copy(update={"workers": 1, "queue": 1})
-
-    def test_another_request_waits_for_one_cloud_of_a_batch_only(
-        self, client: httpx.Client, application: Application, clouds: list[PointCloud]
-    ) -> None:
-        ply = write_ply(clouds[0])
-        client.post("/v1/responses", content=ply)
-        done: dict[str, float] = {}
-
-        def ask() -> None:
-            done["answered"] = len(items_of(client.post(BATCH, files=files(*[ply] * 40))))
-            done["batch"] = time.monotonic()
-
-        thread = threading.Thread(target=ask)
-        thread.start()
-        while application.pool._admitted == 0:
-            time.sleep(0.001)
-        answer_of(client.post("/v1/responses", content=ply))
-        done["other"] = time.monotonic()
-        thread.join()
-        assert done["answered"] == 40
-        assert done["other"] < done["batch"]
-
-
 def test_a_batch_that_finds_all_places_taken_is_refused_at_once(client: httpx.Client, application: Application) -> None:
     places = [application.pool.admitted() for _ in range(application.pool.places)]
     for place in places:
@@ -133,27 +108,63 @@ def test_a_batch_that_finds_all_places_taken_is_refused_at_once(client: httpx.Cl
 class Held(Application):
     """An application that waits within every answer until it is told to go on."""
 
-    begun, go = threading.Event(), threading.Event()  # for the one of a test
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.begun, self.go = threading.Event(), threading.Event()
+        self.asked: list[bytes] = []  # clouds, in the order in which they were worked on
 
     def respond(self, cloud: Any, **given: Any) -> Answer:
+        self.asked.append(cloud.data)
         self.begun.set()
         assert self.go.wait(20)
         return super().respond(cloud, **given)
 
 
+@pytest.fixture
+def held(settings: Settings) -> Iterator[Held]:
+    application = Held(settings)
+    yield application
+    application.go.set()
+    application.close()
+
+
+class TestWithOneWorker:
+    @pytest.fixture
+    def settings(self, settings: Settings) -> Settings:
+        return settings.model_copy(update={"workers": 1, "queue": 1})
+
+    @pytest.fixture
+    def application(self, held: Held) -> Held:
+        return held
+
+    def test_another_request_waits_for_one_cloud_of_a_batch_only(
+        self, client: httpx.Client, held: Held, clouds: list[PointCloud]
+    ) -> None:
+        ply, other = write_ply(clouds[0]), write_ply(clouds[1])
+        with ThreadPoolExecutor(2) as threads:
+            batch = threads.submit(client.post, BATCH, files=files(*[ply] * 10))
+            assert held.begun.wait(20)
+            one = threads.submit(client.post, "/v1/responses", content=other)
+            until(lambda: held.pool.waiting == 1, "the other request waits")
+            held.go.set()
+            answer_of(one.result())
+            assert len(items_of(batch.result())) == 10
+        assert held.asked.index(other) == 1
+
+
 class TestWhenAClientHangsUp:
     @pytest.fixture
-    def application(self, settings: Settings) -> Iterator[Application]:
-        application = Held(settings)
-        Held.begun.clear()
-        Held.go.clear()
-        yield application
-        Held.go.set()
-        application.close()
+    def application(self, held: Held) -> Held:
+        return held
 
     @pytest.mark.parametrize("coding", [b"identity", b"gzip"])
     def test_its_batch_is_not_finished(
-        self, client: httpx.Client, clouds: list[PointCloud], caplog: pytest.LogCaptureFixture, coding: bytes
+        self,
+        client: httpx.Client,
+        held: Held,
+        clouds: list[PointCloud],
+        caplog: pytest.LogCaptureFixture,
+        coding: bytes,
     ) -> None:
         form = httpx.Request("POST", "http://x", files=files(*[write_ply(clouds[0])] * 64))
         body = gzip.compress(form.read(), 1) if coding == b"gzip" else form.read()
@@ -164,8 +175,8 @@ class TestWhenAClientHangsUp:
         with caplog.at_level(logging.INFO):
             with socket.create_connection((client.base_url.host, client.base_url.port or 80)) as wire:
                 wire.sendall(head + body)
-                assert Held.begun.wait(20)
-            Held.go.set()
+                assert held.begun.wait(20)
+            held.go.set()
             began = time.monotonic()
             while "hung up when" not in caplog.text:
                 assert time.monotonic() - began < 10

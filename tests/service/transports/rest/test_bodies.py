@@ -13,6 +13,7 @@ import pytest
 
 from service.application import Application
 from service.settings import Settings
+from tests.service.transports.zenoh.waiting import until
 
 HEAD = b"POST /v1/responses HTTP/1.1\r\nHost: x\r\nContent-Type: %s\r\n%s\r\n\r\n"
 
@@ -55,8 +56,8 @@ class TestWithLittlePatience:
 
     def test_a_body_that_does_not_come_gives_its_place_to_others(self, client: httpx.Client) -> None:
         with connect(client) as wire:
-            wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 100") + b"1 2 3")
             began = time.monotonic()
+            wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 100") + b"1 2 3")
             assert b"408" in wire.recv(65536).partition(b"\r\n")[0]
             assert 0.2 < time.monotonic() - began < 5
         assert client.post("/v1/responses", content=b"").status_code == 422
@@ -65,13 +66,13 @@ class TestWithLittlePatience:
 class TestWithoutPatienceForPauses:
     @pytest.fixture
     def settings(self, settings: Settings) -> Settings:
-        return settings.model_copy(update={"body_pause": 0.5})
+        return settings.model_copy(update={"body_pause": 1.5})
 
     def test_a_body_may_come_slowly_but_not_stand_still(self, client: httpx.Client) -> None:
         with connect(client) as wire:
             wire.sendall(HEAD % (b"application/octet-stream", b"Content-Length: 100"))
-            for _ in range(4):
-                time.sleep(0.2)
+            for _ in range(4):  # longer than a pause altogether
+                time.sleep(0.4)
                 wire.sendall(b"1 2 3\n")
                 assert not select.select([wire], [], [], 0)[0]
             assert b"408" in wire.recv(65536).partition(b"\r\n")[0]
@@ -100,7 +101,7 @@ class TestWithFewPlaces:
             refused = client.post("/v1/responses", content=b"1 2 3\n" * 10_000)
             assert (refused.status_code, refused.json()["type"]) == (429, "urn:shape-concepts:error:overloaded")
             assert client.post("/v1/responses", content=b"1 2 3\n").status_code == 422
-        time.sleep(0.2)
+        until(lambda: application.intake.held == 0, "what was half sent is let go")
         assert client.post("/v1/responses", content=b"1 2 3\n" * 10_000).json()["status"] == 422
 
 

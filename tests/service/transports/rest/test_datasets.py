@@ -7,6 +7,7 @@ import io
 import random
 import socket
 import tarfile
+import threading
 import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
@@ -413,12 +414,15 @@ def test_an_archive_whose_client_hangs_up_keeps_what_was_taken_and_can_be_sent_a
 ) -> None:
     body = b"".join(write([(f"{n}.ply", ply(n)) for n in range(300)], "tar.gz", NOW))
     head = f"POST {ROOT}/archive HTTP/1.1\r\nHost: x\r\nContent-Length: {len(body)}\r\n\r\n"
-    until = time.monotonic() + 30
+    until, go_on = time.monotonic() + 30, threading.Event()
     with socket.create_connection((made.base_url.host, made.base_url.port or 80)) as wire:
         wire.sendall(head.encode() + body)
         while not application.datasets.store.keys("mugs"):
             assert time.monotonic() < until
             time.sleep(0.005)
+        for _ in range(application.settings.workers):  # no more is taken until the client is gone
+            application.pool._threads.submit(go_on.wait, 30)
+    go_on.set()
     while application.pool.at_work or application.datasets.room.held:
         assert time.monotonic() < until
         time.sleep(0.02)
