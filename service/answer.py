@@ -121,17 +121,26 @@ def compose(
 def _listed(response: Response, top: int | None, names: Mapping[int, str]) -> list[dict[str, Any]]:
     """The best concepts, as fields of `Concept`."""
     best = response.ranking[:top]
-    ids = response.concept_ids[best].tolist()
-    columns = {
-        "id": ids,
-        "name": [names.get(concept) for concept in ids],
-        "response": response.responses[best].tolist(),
-        "distance": response.distances[best].tolist(),
-        "rank": range(1, len(ids) + 1),
-        "prototypes": response.concept_sizes[best].tolist(),
-        "time": response.concept_times[best].tolist(),
-    }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    rows = zip(
+        response.concept_ids[best].tolist(),
+        response.responses[best].tolist(),
+        response.distances[best].tolist(),
+        response.concept_sizes[best].tolist(),
+        response.concept_times[best].tolist(),
+        strict=True,
+    )
+    return [
+        {
+            "id": id,
+            "name": names.get(id),
+            "response": value,
+            "distance": distance,
+            "rank": rank,
+            "prototypes": prototypes,
+            "time": time,
+        }
+        for rank, (id, value, distance, prototypes, time) in enumerate(rows, 1)
+    ]
 
 
 def _stimuli(response: Response) -> Stimuli:

@@ -11,7 +11,7 @@ import numpy as np
 from service.clouds import depth, json_points, npy, npz, pcd, ply, pointcloud2, xyz
 from service.clouds.depth import DepthCamera, parse_camera
 from service.clouds.formats import FORMATS, Format, by_content, by_media_type, tell
-from service.clouds.frame import UNITS, RawCloud, Viewpoint, place
+from service.clouds.frame import ORIGIN, UNITS, RawCloud, Viewpoint, place
 from service.clouds.ply import write as write_ply
 from service.clouds.scene_cloud import SceneCloud
 from service.engine.cloud import PointCloud
@@ -121,7 +121,7 @@ def read_scene(
             raw = _read_depth(data, max_points, camera, mask)
         else:
             raw = _READERS[format](data, max_points)
-        pose = viewpoint or raw.viewpoint or Viewpoint()
+        pose = viewpoint or raw.viewpoint or ORIGIN
         return SceneCloud(place(raw, unit, viewpoint), pose, unit or raw.unit or "m", raw.width)
 
 
@@ -131,7 +131,7 @@ def _check_depth(format: str, unit: str | None, viewpoint: Viewpoint | None) -> 
         raise InvalidParameter(f"intrinsics and a mask belong to a depth image, PNG or NPY; this cloud is {format}")
     if unit not in (None, "m"):
         raise InvalidParameter(f"a depth image has no unit; give a depth scale, metres of a depth of 1, not {unit!r}")
-    if viewpoint not in (None, Viewpoint()):
+    if viewpoint not in (None, ORIGIN):
         raise InvalidParameter("a depth image is seen from its own camera; give no viewpoint with it")
 
 

@@ -17,6 +17,17 @@ from service.engine.errors import ImplausibleExtent, InvalidParameter, NoFiniteP
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}  # metres
 
 
+def _numbers(given: object, count: int, what: str) -> tuple[float, ...]:
+    """`count` finite floats, or InvalidParameter."""
+    try:
+        numbers = tuple(float(part) for part in given)  # type: ignore[attr-defined]  # anything may come from a caller
+    except (TypeError, ValueError, OverflowError):
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise InvalidParameter(f"the viewpoint's {what} should be {count} finite numbers, not {quote(given)}")
+    return numbers
+
+
 @dataclass(frozen=True)
 class Viewpoint:
     """The sensor's pose in the frame that a cloud's coordinates are given in.
@@ -56,6 +67,9 @@ class Viewpoint:
         )
 
 
+ORIGIN = Viewpoint()
+
+
 class RawCloud(NamedTuple):
     """What a file says, before it is brought into the sensor's frame.
 
@@ -87,7 +101,7 @@ def place(raw: RawCloud, unit: str | None, viewpoint: Viewpoint | None) -> Point
         NoFinitePoints: no point is a measurement.
         ImplausibleExtent: a coordinate too large for float32 metres.
     """
-    pose = viewpoint or raw.viewpoint or Viewpoint()
+    pose = viewpoint or raw.viewpoint or ORIGIN
     unit = unit or raw.unit or "m"
     with np.errstate(over="ignore"):  # a position beyond float32 is no point's
         kept = _measured(raw.xyz, np.array(pose.position, np.float32))
@@ -133,18 +147,7 @@ def _measured(xyz: NDArray[np.float64], position: NDArray[np.float32]) -> NDArra
 
 def _into_sensor_frame(xyz: NDArray[np.float64], pose: Viewpoint) -> NDArray[np.float64]:
     """(N, 3) R^T (p - t), written out: a matrix product may round a point by its place in the array."""
-    if pose == Viewpoint():
+    if pose == ORIGIN:
         return xyz
     x, y, z = (xyz - np.array(pose.position)).T
     return np.stack([x * axis[0] + y * axis[1] + z * axis[2] for axis in pose.rotation.T], axis=1)
-
-
-def _numbers(given: object, count: int, what: str) -> tuple[float, ...]:
-    """`count` finite floats, or InvalidParameter."""
-    try:
-        numbers = tuple(float(part) for part in given)  # type: ignore[attr-defined]  # anything may come from a caller
-    except (TypeError, ValueError, OverflowError):
-        numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InvalidParameter(f"the viewpoint's {what} should be {count} finite numbers, not {quote(given)}")
-    return numbers

@@ -17,17 +17,18 @@ async def entered(gate: Gate, key: str | None, *scopes: Scope) -> AsyncIterator[
     Raises:
         NotAuthenticated, NotAllowed, RateExceeded: by the gate.
     """
+    entering = gate.entered(key, *scopes)
+    if gate.at_hand:
+        with entering as caller:
+            yield caller
+        return
     with ExitStack() as stack:
-        entering = gate.entered(key, *scopes)
-        if gate.at_hand:
-            caller = stack.enter_context(entering)
-        else:
-            asking = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entering))
-            try:
-                caller = await asyncio.shield(asking)
-            except asyncio.CancelledError:
-                await asyncio.gather(asking, return_exceptions=True)  # who enters late leaves as well
-                raise
+        asking = asyncio.ensure_future(asyncio.to_thread(stack.enter_context, entering))
+        try:
+            caller = await asyncio.shield(asking)
+        except asyncio.CancelledError:
+            await asyncio.gather(asking, return_exceptions=True)  # who enters late leaves as well
+            raise
         yield caller
 
 

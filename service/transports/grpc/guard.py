@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
-from contextlib import aclosing, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractAsyncContextManager, aclosing, contextmanager, nullcontext
 from contextvars import ContextVar
 from functools import partial
 from typing import Any, NamedTuple
@@ -53,8 +53,11 @@ class _Problem(NamedTuple):
     status: errors.Status
 
 
-class Guard(grpc.aio.ServerInterceptor):
+class Guard(grpc.GenericRpcHandler):
     """What every call to our services passes through; health and reflection go their own way.
+
+    Services are put on it as on a server, and it is put on the server, as what knows the handler of any call. For each
+    call that it is told of by name, a server keeps a task of the event loop, and looks at all of them with every call.
 
     A call's messages are received here, as bytes: so that they are waited for no longer than a request's body may take,
     and that bytes which are no message are told from an error of ours.
@@ -92,6 +95,7 @@ class Guard(grpc.aio.ServerInterceptor):
         self._limit = calls
         self._timeout = timeout
         self._open = 0
+        self._unguarded: list[grpc.GenericRpcHandler] = []
         self._guarded_handlers: dict[str, Any] = {}
         self._receiving: set[asyncio.Timeout] = set()
         self._ending = asyncio.Event()
@@ -114,13 +118,18 @@ class Guard(grpc.aio.ServerInterceptor):
         except TimeoutError:
             log.warning("gRPC: %d calls were not answered within %g seconds", self._open, grace)
 
-    async def intercept_service(
-        self, continuation: Callable[[Any], Awaitable[Any]], call: grpc.HandlerCallDetails
-    ) -> Any:
+    def add_generic_rpc_handlers(self, handlers: Iterable[grpc.GenericRpcHandler]) -> None:
+        """Takes a service; called by what gRPC generates for it, as of a server."""
+        self._unguarded.extend(handlers)
+
+    def add_registered_method_handlers(self, service: str, handlers: Mapping[str, Any]) -> None:
+        """Called as well, with the same handlers, which are known already."""
+
+    def service(self, call: grpc.HandlerCallDetails) -> Any:
         """The handler of a call, with the guard before it: one that reads and writes messages itself."""
         if known := self._guarded_handlers.get(call.method):
             return known
-        handler = await continuation(call)
+        handler = next((found for service in self._unguarded if (found := service.service(call))), None)
         if handler is None or not call.method.startswith(self._ours):
             return handler
         # One response is sent together with the status that ends the call.
@@ -135,7 +144,8 @@ class Guard(grpc.aio.ServerInterceptor):
 
     async def _guarded(self, handler: Any, method: str, _: Any, context: Any) -> Any:
         """Answers a call; returns the response where there is one alone."""
-        given = {name: value for name, value in context.invocation_metadata() or () if isinstance(value, str)}
+        metadata = reversed(context.invocation_metadata() or ())  # of several of a name, the first counts
+        given = {name: value for name, value in metadata if isinstance(value, str)}
         request_id = name_request(given.get(REQUEST_ID, ""))
         _request_id.set(request_id)
         context.set_trailing_metadata(((REQUEST_ID, request_id),))
@@ -143,7 +153,8 @@ class Guard(grpc.aio.ServerInterceptor):
         with self._telemetry.request(wire, request_id, method, given) as seen:
             try:
                 with self._entered():
-                    async with self._let_in(method, _key_of(context)) as caller:  # before any message is received
+                    # before any message is received
+                    async with self._let_in(method, given.get("authorization", "")) as caller:
                         asking.set(caller)
                         if method in self._answering:
                             self._check()
@@ -171,14 +182,11 @@ class Guard(grpc.aio.ServerInterceptor):
             if not self._open:
                 self._none_open.set()
 
-    @asynccontextmanager
-    async def _let_in(self, method: str, key: str | None) -> AsyncIterator[Caller]:
-        """Asks the gate, where the call needs to be let in."""
-        if method in self._unlocked:
-            yield self._gate.anybody
-            return
-        async with entered(self._gate, key, *self._scopes.get(method, ANSWER)) as caller:
-            yield caller
+    def _let_in(self, method: str, authorization: str) -> AbstractAsyncContextManager[Caller]:
+        """Asks the gate, where the call needs to be let in. The key is in `authorization: Bearer KEY`."""
+        if self._gate.open or method in self._unlocked:
+            return nullcontext(self._gate.anybody)
+        return entered(self._gate, key_in(authorization), *self._scopes.get(method, ANSWER))
 
     async def _behave(self, handler: Any, context: Any) -> Any:
         if handler.request_streaming:
@@ -237,14 +245,6 @@ class Guard(grpc.aio.ServerInterceptor):
 def problem_of(error: ShapeConceptsError) -> service_pb2.Problem:
     """An error of one cloud of several, told in the call that is being answered."""
     return messages.to_problem(*_tell(error, _request_id.get()))
-
-
-def _key_of(context: Any) -> str | None:
-    """The access key in a call's metadata, `authorization: Bearer KEY`."""
-    for name, value in context.invocation_metadata() or ():
-        if name == "authorization" and isinstance(value, str):
-            return key_in(value)
-    return None
 
 
 def _log(problem: _Problem, error: Exception, call: str) -> None:

@@ -11,7 +11,7 @@ import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_health.v1.health import SERVICE_NAME as HEALTH
 from grpc_health.v1.health import aio as health
-from grpc_reflection.v1alpha import reflection
+from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 
 from service.application import Application
 from service.engine.errors import ShapeConceptsError
@@ -67,16 +67,17 @@ async def serving(application: Application, grace: float, beside: Sequence[Serve
         application.pool.check,
         answering,
     )
-    server = grpc.aio.server(
-        interceptors=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
-    )
-    service_pb2_grpc.add_ShapeConceptsServiceServicer_to_server(Servicer(application), server)
-    jobs_pb2_grpc.add_JobsServiceServicer_to_server(JobsServicer(application.training), server)
+    service_pb2_grpc.add_ShapeConceptsServiceServicer_to_server(Servicer(application), guard)
+    jobs_pb2_grpc.add_JobsServiceServicer_to_server(JobsServicer(application.training), guard)
     for service in beside:
-        service.add(server)
+        service.add(guard)
     states = health.HealthServicer()
-    health_pb2_grpc.add_HealthServicer_to_server(states, server)
-    reflection.enable_server_reflection((*names, HEALTH, reflection.SERVICE_NAME), server)
+    health_pb2_grpc.add_HealthServicer_to_server(states, guard)
+    learnt = reflection.aio.ReflectionServicer((*names, HEALTH, reflection.SERVICE_NAME))
+    reflection_pb2_grpc.add_ServerReflectionServicer_to_server(learnt, guard)
+    server = grpc.aio.server(
+        handlers=[guard], options=_options(settings.max_body), maximum_concurrent_rpcs=CALLS + OTHERS
+    )
     port = _listen(server, settings)
     watching = asyncio.create_task(_watch(application, states, ("", *names)))
     await server.start()
