@@ -20,7 +20,7 @@ from service.datasets import Datasets
 from service.engine.errors import InvalidParameter
 from service.engine.model import ShapeModel
 from service.job_specs import EvaluateSpec, SimulateSpec, TrainSpec
-from service.labels import FILE, Labelled, write_labels
+from service.labels import FILE, Label, Labelled, write_labels
 from service.model_file import Manifest
 from service.objects import Objects
 from service.store import ModelStore
@@ -28,7 +28,7 @@ from worker.earlier import earlier_sources, join
 from worker.evaluation.answering import answer
 from worker.evaluation.evaluate import Request, evaluate
 from worker.evaluation.judging import figures_of
-from worker.evaluation.labels import read_labels
+from worker.evaluation.labels import judged_categories, read_labels
 from worker.evaluation.page import write_page
 from worker.evaluation.promotion import Rule
 from worker.evaluation.report import Report, write_report
@@ -130,13 +130,14 @@ def gather(tell: Tell, spec: TrainSpec, place: Place) -> int:
         How many there are.
 
     Raises:
-        InvalidParameter: there is no cloud, or a parameter of the simulation is out of its range.
-        DatasetNotFound: a dataset is not there, that of the judge among them: better told now than after the learning.
+        InvalidParameter: there is no cloud, a parameter of the simulation is out of its range, or too few clouds have
+            labels to judge by: better told now than after the learning.
+        DatasetNotFound: a dataset is not there, that of the judge among them.
         RendererUnavailable: SAPIEN cannot render here.
     """
     tell.stage("gathering clouds")
     if spec.labelled is not None:
-        Datasets(place.store).about(spec.labelled)
+        judged_categories(label.category for label in _labels(Dataset(Datasets(place.store), spec.labelled)).values())
     before = spec.extend or spec.parent
     parent = before and "{}:{}".format(*ModelStore(place.store).resolve(before))
     source, files, keys = _source(tell, spec, place, parent), place.files, []
@@ -345,9 +346,7 @@ def _labelled(tell: Tell, place: Place, name: str, stage: str = "gathering label
     """
     tell.stage(stage)
     source = Dataset(Datasets(place.store), name)
-    labels = {f"{name}/{entry.key}": entry.label for entry in source.entries if entry.label is not None}
-    if not labels:
-        raise InvalidParameter(f"No cloud of the dataset '{name}' has a label: upload a labels.csv to it.")
+    labels = _labels(source)
     with tempfile.TemporaryDirectory(prefix="shape-concepts-") as folder:
         rows = []
         for named in tell.count(source, source.count):
@@ -360,6 +359,19 @@ def _labelled(tell: Tell, place: Place, name: str, stage: str = "gathering label
         table = Path(folder, FILE)
         table.write_bytes(write_labels(rows))
         yield table
+
+
+def _labels(source: Dataset) -> dict[str, Label]:
+    """The labels of a dataset's clouds, by the names that these have when they are learnt from.
+
+    Raises:
+        DatasetNotFound: there is no such dataset.
+        InvalidParameter: none of its clouds has a label.
+    """
+    labels = {f"{source.name}/{entry.key}": entry.label for entry in source.entries if entry.label is not None}
+    if not labels:
+        raise InvalidParameter(f"No cloud of the dataset '{source.name}' has a label: upload a labels.csv to it.")
+    return labels
 
 
 def _judged(tell: Tell, place: Place, model: ShapeModel, manifest: Manifest, request: Request) -> Report:

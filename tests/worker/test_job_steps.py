@@ -356,3 +356,13 @@ def test_a_judge_that_is_not_there_is_told_before_anything_is_simulated(
 ) -> None:
     with pytest.raises(DatasetNotFound, match="nope"):
         gather(tell, spec.model_copy(update={"labelled": "nope"}), place)
+
+
+def test_labels_that_nothing_can_be_judged_by_are_told_before_anything_is_simulated(
+    spec: TrainSpec, tell: Told, place: Place
+) -> None:
+    labelled(place)
+    Datasets(place.store).label("table", {f"{number}.ply": Label(category="order 1") for number in range(12)})
+    with pytest.raises(InvalidParameter, match=r"two categories of at least 6 .*order 1 12"):
+        gather(tell, spec.model_copy(update={"labelled": "table"}), place)
+    assert not list(Path(place.store).rglob("*.npy"))

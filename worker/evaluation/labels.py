@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,19 +65,29 @@ def read_labels(table: Path) -> list[LabelledCloud]:
 
 
 def judged(clouds: Sequence[LabelledCloud]) -> list[int]:
-    """Places of the clouds that are judged: those of categories with at least 6 of them.
+    """Places of the clouds that are judged: those of `judged_categories`.
 
     Raises:
         InvalidParameter: there are not two such categories.
     """
-    counts = Counter(cloud.category for cloud in clouds if cloud.category != OTHER)
+    large = judged_categories(cloud.category for cloud in clouds)
+    return [place for place, cloud in enumerate(clouds) if cloud.category in large]
+
+
+def judged_categories(labels: Iterable[str]) -> set[str]:
+    """The categories that at least 6 clouds have, from the category of each cloud.
+
+    Raises:
+        InvalidParameter: there are not two such categories.
+    """
+    counts = Counter(label for label in labels if label != OTHER)
     large = {category for category, count in counts.items() if count >= LEAST}
     if len(large) < 2:
         known = ", ".join(f"{category} {count}" for category, count in counts.most_common()) or "none"
         raise InvalidParameter(
             f"To judge needs two categories of at least {LEAST} clouds each; the clouds of each are: {known}."
         )
-    return [place for place, cloud in enumerate(clouds) if cloud.category in large]
+    return large
 
 
 def _labelled(table: Path, row: dict[str, str | None]) -> LabelledCloud:
