@@ -13,7 +13,7 @@ import pytest
 from service.clouds import write_ply
 from service.metrics import PREFIX, Metrics, State
 from tests.conftest import ROOT
-from tests.docs.test_tutorial import blocks, commands_in, shell
+from tests.docs.test_tutorial import blocks, commands_in, needs_curl, shell
 from tests.learnt import named_clouds
 
 PAGE = ROOT / "docs" / "operations.md"
@@ -40,6 +40,7 @@ def test_every_metric_is_told_and_no_other() -> None:
     assert told == there
 
 
+@needs_curl
 @pytest.mark.slow
 def test_keys_tls_and_metrics_are_tried_as_the_page_says(tmp_path: Path) -> None:
     (tmp_path / "mug.ply").write_bytes(write_ply(named_clouds()[0].cloud))

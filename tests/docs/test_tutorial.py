@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -24,6 +25,7 @@ FEWER = {  # what the page says, and what is run
     "--count 20 ": "--count 6 --renderer raycast ",
     "--simulate 250 ": "--simulate 12 --renderer raycast ",
 }
+needs_curl = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 
 
 def blocks(page: Path) -> list[str]:
@@ -81,6 +83,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Com
     return folder / "workshop", run
 
 
+@needs_curl
 @pytest.mark.slow
 class TestEveryCommandRuns:
     """As somebody would type them, one after the other."""
