@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,14 +14,9 @@ import httpx
 import numpy as np
 import pytest
 from google.protobuf.json_format import MessageToDict
-from google.rpc import error_details_pb2 as details
-from grpc_status import rpc_status
 
-from service.application import Application
 from service.clouds import write_ply
 from service.engine.cloud import PointCloud
-from service.model_cases import ModelSummary
-from service.settings import Settings
 from service.transports.grpc.generated.shapeconcepts.v1.answer_pb2 import Answer, Options
 from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (
     Cloud,
@@ -35,30 +29,15 @@ from service.transports.grpc.generated.shapeconcepts.v1.cloud_pb2 import (
 )
 from service.transports.grpc.generated.shapeconcepts.v1.scene_pb2 import SceneAnswer
 from service.transports.grpc.generated.shapeconcepts.v1.service_pb2 import (
-    DESCRIPTOR,
-    GetModelRequest,
-    ListConceptsRequest,
-    ListModelsRequest,
     RespondBatchRequest,
     RespondRequest,
     RespondSceneRequest,
     RespondStreamRequest,
 )
-from service.transports.grpc.generated.shapeconcepts.v1.service_pb2_grpc import ShapeConceptsServiceStub
-from service.transports.grpc.guard import SERVICE
 from service.transports.grpc.servicer import AT_ONCE
 from tests.service.tabletop.seen import set_table
 from tests.service.transports.grpc.conftest import HELD, Held, Server
-
-Stub = ShapeConceptsServiceStub
-
-
-def as_file(cloud: PointCloud, name: str = "") -> Cloud:
-    return Cloud(file=CloudFile(data=write_ply(cloud), name=name))
-
-
-def as_points(cloud: PointCloud) -> Cloud:
-    return Cloud(points=PackedPoints(xyz=cloud.points.astype("<f4").tobytes()))
+from tests.service.transports.grpc.sent import Stub, as_file, as_points
 
 
 def told(answer: Answer) -> dict[str, Any]:
@@ -248,337 +227,6 @@ def test_a_client_is_held_back_even_if_its_clouds_are_small(
     call.cancel()
 
 
-def test_models_are_listed_and_told(stub: Stub, client: httpx.Client) -> None:
-    (summary,) = stub.ListModels(ListModelsRequest()).models
-    assert (summary.name, list(summary.versions), dict(summary.aliases)) == ("tiny", [1], {"production": 1})
-    expected = client.get("/v1/models/tiny/versions/1").json()
-    for asked in ({}, {"model": "tiny"}, {"model": "tiny@production"}, {"version": 1}, {"alias": "production"}):
-        manifest = stub.GetModel(GetModelRequest(**asked)).manifest
-        assert (manifest.name, manifest.version, manifest.digest) == ("tiny", 1, expected["digest"])
-        assert MessageToDict(manifest.counts) == expected["counts"]
-        assert MessageToDict(manifest.params) == expected["params"]
-
-
-@pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"time": 0}, {"model": "tiny:1"}, {"alias": "production"}])
-def test_concepts_are_those_of_rest_with_their_names(
-    stub: Stub, client: httpx.Client, application: Application, asked: dict[str, Any]
-) -> None:
-    first = client.get("/v1/models/tiny:1/concepts").json()["concepts"][0]["id"]
-    application.naming.rename("tiny", 1, first, "mug")
-    expected = client.get("/v1/models/tiny:1/concepts", params={k: v for k, v in asked.items() if k == "time"}).json()
-    told = MessageToDict(
-        stub.ListConcepts(ListConceptsRequest(**asked)).list,
-        preserving_proto_field_name=True,
-        always_print_fields_with_no_presence=True,
-    )
-    for concept in told["concepts"]:
-        concept.setdefault("name", None)
-    assert told == expected
-    assert "time" in asked or expected["concepts"][0]["name"] == "mug"
-
-
-def test_an_answer_can_be_read_by_what_is_told_of_the_concepts(stub: Stub, clouds: list[PointCloud]) -> None:
-    for time_ in (None, 0.5):
-        answer = stub.Respond(RespondRequest(cloud=as_file(clouds[0]), options=Options(time=time_))).answer
-        told = stub.ListConcepts(ListConceptsRequest(time=time_)).list
-        assert len(told.concepts) == len(answer.responses)
-        sizes = {concept.id: (concept.prototypes, concept.time) for concept in told.concepts}
-        responses = dict(zip((concept.id for concept in told.concepts), answer.responses, strict=True))
-        for concept in answer.concepts:
-            assert sizes[concept.id] == (concept.prototypes, concept.time)
-            assert responses[concept.id] == concept.response
-
-
-@pytest.mark.parametrize(
-    ("asked", "code"),
-    [
-        ({"model": "nobody"}, "NOT_FOUND"),
-        ({"version": 9}, "NOT_FOUND"),
-        ({"time": 1.5}, "INVALID_ARGUMENT"),
-        ({"time": float("nan")}, "INVALID_ARGUMENT"),
-        ({"model": "../x"}, "INVALID_ARGUMENT"),
-        ({"model": "x" * 1000}, "INVALID_ARGUMENT"),
-    ],
-)
-def test_concepts_of_what_is_not_there_are_refused(stub: Stub, asked: dict[str, Any], code: str) -> None:
-    error, _ = refused(lambda: stub.ListConcepts(ListConceptsRequest(**asked)))
-    assert error.code().name == code
-
-
-@pytest.mark.parametrize(("given", "taken"), [("robot-7.42", True), ("not one", False)])
-def test_the_id_of_a_request_is_taken_over_if_it_is_harmless(stub: Stub, given: str, taken: bool) -> None:
-    with pytest.raises(grpc.RpcError) as caught:
-        stub.GetModel(GetModelRequest(model="nobody"), metadata=[("x-request-id", given)])
-    assert (dict(caught.value.trailing_metadata())["x-request-id"] == given) == taken
-
-
-def refused(call: Callable[[], Any]) -> tuple[grpc.RpcError, details.ErrorInfo]:
-    with pytest.raises(grpc.RpcError) as caught:
-        call()
-    error = caught.value
-    status = rpc_status.from_call(error)
-    assert status is not None, error
-    info, request = details.ErrorInfo(), details.RequestInfo()
-    assert status.details[0].Unpack(info)
-    assert status.details[1].Unpack(request)
-    assert info.domain == "shape-concepts"
-    assert dict(error.trailing_metadata())["x-request-id"] == request.request_id
-    assert info.metadata["instance"] == f"urn:uuid:{request.request_id}"
-    assert len(error.details()) > 10
-    return error, info
-
-
-def file(data: bytes, format: str = "", **given: Any) -> Cloud:
-    return Cloud(file=CloudFile(data=data, format=format), **given)
-
-
-def points(xyz: bytes) -> Cloud:
-    return Cloud(points=PackedPoints(xyz=xyz))
-
-
-XYZ = file(b"0.1 0.2 0.9\n")
-VAST = b"""ply
-format binary_little_endian 1.0
-element vertex 1000000000000
-property float x
-property float y
-property float z
-end_header
-"""
-REFUSED: list[tuple[str, str, str, Cloud, dict[str, Any]]] = [
-    ("no cloud", "INVALID_ARGUMENT", "empty-cloud", Cloud(), {}),
-    ("too few points", "INVALID_ARGUMENT", "too-few-points", XYZ, {}),
-    ("no points", "INVALID_ARGUMENT", "empty-cloud", points(b""), {}),
-    ("half a point", "INVALID_ARGUMENT", "unreadable-cloud", points(b"123456"), {}),
-    ("all NaN", "INVALID_ARGUMENT", "no-finite-points", points(b"\xff" * 1200), {}),
-    ("all equal", "INVALID_ARGUMENT", "degenerate-cloud", points(np.ones(900, "<f4").tobytes()), {}),
-    ("another format", "INVALID_ARGUMENT", "unreadable-cloud", file(b"ply\n", "pcd"), {}),
-    ("an unknown format", "INVALID_ARGUMENT", "unsupported-format", file(b"x", "x" * 10**5), {}),
-    ("10^12 points", "INVALID_ARGUMENT", "too-many-points", file(VAST + bytes(120)), {}),
-    ("an unknown unit", "INVALID_ARGUMENT", "invalid-parameter", file(b"1 2 3\n", unit="furlong"), {}),
-    ("no turn", "INVALID_ARGUMENT", "invalid-parameter",
-     file(b"1 2 3\n", viewpoint=Viewpoint(orientation=Orientation())), {}),
-    ("an unknown model", "NOT_FOUND", "model-not-found", XYZ, {"model": "nobody"}),
-    ("an unknown alias", "NOT_FOUND", "model-not-found", XYZ, {"alias": "nobody"}),
-    ("version 0", "NOT_FOUND", "model-not-found", XYZ, {"version": 0}),
-    ("a large version", "NOT_FOUND", "model-not-found", XYZ, {"version": 99_999_999}),
-    ("version 2^32 - 1", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"version": 2**32 - 1}),
-    ("a malformed model", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"model": "../x"}),
-    ("a long model", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"model": "x" * 10**5}),
-    ("a contradiction", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"model": "tiny:1", "version": 1}),
-    ("a time of 2", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"time": 2}),
-    ("a time of NaN", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"time": float("nan")}),
-    ("no concepts", "INVALID_ARGUMENT", "invalid-parameter", XYZ, {"top": 0}),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("code", "kind", "cloud", "options"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
-def test_what_cannot_be_answered_is_refused_with_its_own_problem(
-    stub: Stub, code: str, kind: str, cloud: Cloud, options: dict[str, Any]
-) -> None:
-    asked = Options(**options)
-    error, info = refused(lambda: stub.Respond(RespondRequest(cloud=cloud, options=asked)))
-    assert (error.code().name, info.metadata["type"]) == (code, f"urn:shape-concepts:error:{kind}"), error.details()
-    assert info.reason == kind.replace("-", "_").upper()
-    (response,) = stub.RespondBatch(RespondBatchRequest(clouds=[cloud], options=asked))
-    (streamed,) = stub.RespondStream(iter([RespondStreamRequest(cloud=cloud, options=asked)]))
-    (scene,) = stub.RespondStream(iter([RespondStreamRequest(cloud=cloud, options=asked, scene=True)]))
-    error_of_scene, info_of_scene = refused(lambda: stub.RespondScene(RespondSceneRequest(cloud=cloud, options=asked)))
-    assert (error_of_scene.code(), info_of_scene.metadata["type"]) == (error.code(), scene.problem.type)
-    assert scene.problem.detail == error_of_scene.details()
-    assert response.problem.type == streamed.problem.type == info.metadata["type"]
-    assert response.problem.detail == error.details()
-
-
-def test_a_batch_of_too_many_clouds_is_refused(stub: Stub, settings: Settings) -> None:
-    error, _ = refused(lambda: list(stub.RespondBatch(RespondBatchRequest(clouds=[XYZ] * (settings.max_batch + 1)))))
-    assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
-
-
-def test_an_unknown_model_is_not_told_of(stub: Stub) -> None:
-    error, _ = refused(lambda: stub.GetModel(GetModelRequest(model="nobody")))
-    assert error.code() == grpc.StatusCode.NOT_FOUND
-
-
-METHODS = tuple(DESCRIPTOR.services_by_name["ShapeConceptsService"].methods_by_name)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_bytes_that_are_no_message_are_refused_and_nothing_breaks(
-    channel: grpc.Channel, stub: Stub, clouds: list[PointCloud], method: str
-) -> None:
-    ask = channel.stream_stream(f"/{SERVICE}/{method}")
-    whole = RespondRequest(cloud=as_file(clouds[0])).SerializeToString()
-    for hostile in (b"\xff\xff\xff", b"\x0a\xff\xff\xff\xff\x0f", whole[:-7], b"\x0b" * 5000):
-        error, _ = refused(lambda hostile=hostile: list(ask(iter([hostile]))))
-        assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
-    assert stub.Respond(RespondRequest(cloud=as_file(clouds[0]))).answer.concepts
-
-
-def test_a_call_without_its_message_is_refused(channel: grpc.Channel) -> None:
-    error, _ = refused(lambda: list(channel.stream_stream(f"/{SERVICE}/Respond")(iter([]))))
-    assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
-    assert list(channel.stream_stream(f"/{SERVICE}/RespondStream")(iter([]))) == []
-
-
-def test_a_message_that_never_comes_is_not_waited_for(settings: Settings, start: Callable[..., Server]) -> None:
-    application = Application(settings.model_copy(update={"body_timeout": 0.3}))
-    never = threading.Event()
-
-    def nothing() -> Iterator[bytes]:
-        never.wait(30)
-        yield from ()
-
-    with grpc.insecure_channel(start(application).address) as channel:
-        error, _ = refused(lambda: list(channel.stream_stream(f"/{SERVICE}/Respond")(nothing(), timeout=20)))
-        never.set()
-    assert error.code() == grpc.StatusCode.DEADLINE_EXCEEDED
-    application.close()
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_message_that_is_too_large_is_refused(channel: grpc.Channel, settings: Settings, method: str) -> None:
-    ask = channel.stream_stream(f"/{SERVICE}/{method}")
-    with pytest.raises(grpc.RpcError) as caught:
-        list(ask(iter([bytes(settings.max_body + 1)])))
-    assert caught.value.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
-
-
-def test_a_compressed_message_is_refused_before_it_grows(channel: grpc.Channel) -> None:
-    bomb = bytes(64 * 2**20)
-    for compression in (grpc.Compression.Gzip, grpc.Compression.Deflate):
-        with pytest.raises(grpc.RpcError) as caught:
-            channel.unary_unary(f"/{SERVICE}/Respond")(bomb, compression=compression)
-        assert caught.value.code() == grpc.StatusCode.UNIMPLEMENTED
-
-
-def fill(stub: Stub, held: Held, cloud: PointCloud, **given: Any) -> list[Any]:
-    """Calls that take all places of the pool, once they are at work."""
-    calls = [stub.Respond.future(RespondRequest(cloud=as_file(cloud, HELD)), **given) for _ in range(held.pool.places)]
-    for _ in calls:
-        assert held.held.acquire(timeout=20)
-    return calls
-
-
-def answered_soon(stub: Stub, cloud: PointCloud) -> bool:
-    """Whether the pool is free again within a few seconds."""
-    until = time.monotonic() + 5
-    while time.monotonic() < until:
-        try:
-            return bool(stub.Respond(RespondRequest(cloud=as_file(cloud))).answer.concepts)
-        except grpc.RpcError as error:
-            if error.code() != grpc.StatusCode.RESOURCE_EXHAUSTED:
-                raise
-            time.sleep(0.02)
-    return False
-
-
-def test_a_service_at_its_limit_refuses_at_once_and_says_when_to_try_again(
-    held_stub: Stub, held: Held, clouds: list[PointCloud]
-) -> None:
-    calls = fill(held_stub, held, clouds[0])
-    one = RespondRequest(cloud=as_file(clouds[0]))
-    began = time.monotonic()
-    for call in (
-        lambda: held_stub.Respond(one),
-        lambda: held_stub.RespondScene(RespondSceneRequest(cloud=one.cloud)),
-        lambda: list(held_stub.RespondBatch(RespondBatchRequest(clouds=[XYZ]))),
-    ):
-        error, info = refused(call)
-        assert (error.code(), info.reason) == (grpc.StatusCode.RESOURCE_EXHAUSTED, "OVERLOADED")
-        retry = details.RetryInfo()
-        assert rpc_status.from_call(error).details[2].Unpack(retry)
-        assert retry.retry_delay.seconds >= 1
-    (streamed,) = held_stub.RespondStream(iter([RespondStreamRequest(cloud=one.cloud)]))
-    assert streamed.problem.retry_delay.seconds >= 1
-    assert held_stub.ListModels(ListModelsRequest()).models
-    assert time.monotonic() - began < 5
-    held.go.set()
-    assert all(call.result().answer.concepts for call in calls)
-
-
-def test_a_batch_that_was_accepted_is_answered_in_whatever_places_there_are(
-    held_stub: Stub, held: Held, clouds: list[PointCloud]
-) -> None:
-    batch = held_stub.RespondBatch(RespondBatchRequest(clouds=[as_file(cloud, HELD) for cloud in clouds[:5]]))
-    for _ in range(held.pool.places):
-        assert held.held.acquire(timeout=20)
-    error, _ = refused(lambda: held_stub.Respond(RespondRequest(cloud=as_file(clouds[0]))))
-    assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
-    held.go.set()
-    assert all(response.HasField("answer") for response in batch)
-    assert held_stub.Respond(RespondRequest(cloud=as_file(clouds[0]))).answer.concepts
-
-
-def test_bodies_are_counted_together(
-    start: Callable[..., Server], settings: Settings, clouds: list[PointCloud]
-) -> None:
-    """Two of these fill the memory that bodies may take, a third is refused although the pool has places."""
-    held = Held(settings.model_copy(update={"max_bodies": settings.max_body, "queue": 8}))
-    cloud = as_file(clouds[0], HELD)
-    cloud.file.data += bytes(settings.max_body // 2 - 1000 - len(cloud.file.data))
-    with grpc.insecure_channel(start(held).address) as channel:
-        stub = Stub(channel)
-        calls = [stub.Respond.future(RespondRequest(cloud=cloud)) for _ in range(2)]
-        for _ in calls:
-            assert held.held.acquire(timeout=20)
-        error, info = refused(lambda: stub.Respond(RespondRequest(cloud=cloud)))
-        assert (error.code(), info.reason) == (grpc.StatusCode.RESOURCE_EXHAUSTED, "OVERLOADED")
-        held.go.set()
-        assert all(call.result().answer.concepts for call in calls)
-        assert stub.Respond(RespondRequest(cloud=cloud)).answer.concepts
-    held.close()
-
-
-def test_a_deadline_that_passes_ends_the_work(held_stub: Stub, held: Held, clouds: list[PointCloud]) -> None:
-    calls = fill(held_stub, held, clouds[0], timeout=1)
-    for call in calls:
-        assert call.exception().code() == grpc.StatusCode.DEADLINE_EXCEEDED
-    assert answered_soon(held_stub, clouds[0])
-    for _ in calls:
-        assert held.stopped.acquire(timeout=5)
-
-
-def test_a_call_that_is_cancelled_ends_the_work(held_stub: Stub, held: Held, clouds: list[PointCloud]) -> None:
-    calls = fill(held_stub, held, clouds[0])
-    for call in calls:
-        call.cancel()
-    assert answered_soon(held_stub, clouds[0])
-    for _ in calls:
-        assert held.stopped.acquire(timeout=5)
-
-
-def test_the_work_on_a_scene_ends_when_nobody_waits_for_it(
-    held_stub: Stub, held: Held, clouds: list[PointCloud]
-) -> None:
-    request = RespondSceneRequest(cloud=as_file(set_table().cloud, HELD))
-    cancelled, late = held_stub.RespondScene.future(request), held_stub.RespondScene.future(request, timeout=1)
-    for _ in range(2):
-        assert held.held.acquire(timeout=20)
-    cancelled.cancel()
-    assert late.exception().code() == grpc.StatusCode.DEADLINE_EXCEEDED
-    for _ in range(2):
-        assert held.stopped.acquire(timeout=5)
-    assert answered_soon(held_stub, clouds[0])
-
-
-@pytest.mark.parametrize("kind", ["batch", "stream"])
-def test_a_batch_or_stream_that_is_cancelled_ends_the_work(
-    held_stub: Stub, held: Held, clouds: list[PointCloud], kind: str
-) -> None:
-    sent = [as_file(cloud, HELD) for cloud in clouds[:5]]
-    if kind == "batch":
-        call = held_stub.RespondBatch(RespondBatchRequest(clouds=sent))
-    else:
-        call = held_stub.RespondStream(RespondStreamRequest(cloud=cloud) for cloud in sent)
-    for _ in range(2):
-        assert held.held.acquire(timeout=20)
-    call.cancel()
-    assert answered_soon(held_stub, clouds[0])
-    for _ in range(2):
-        assert held.stopped.acquire(timeout=5)
-
-
 def test_many_clients_get_the_answers_of_one(start: Callable[..., Server], clouds: list[PointCloud]) -> None:
     address = start().address
     with grpc.insecure_channel(address) as channel:
@@ -595,20 +243,3 @@ def test_many_clients_get_the_answers_of_one(start: Callable[..., Server], cloud
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(ask, range(4)))
-
-
-def test_a_fault_is_logged_whole_and_answered_plainly(
-    settings: Settings, start: Callable[..., Server], caplog: pytest.LogCaptureFixture
-) -> None:
-    class Faulty(Application):
-        def models(self) -> list[ModelSummary]:
-            raise RuntimeError("the secret inside")
-
-    application = Faulty(settings)
-    with grpc.insecure_channel(start(application).address) as channel, caplog.at_level(logging.ERROR):
-        error, info = refused(lambda: Stub(channel).ListModels(ListModelsRequest()))
-    assert (error.code(), info.reason) == (grpc.StatusCode.INTERNAL, "INTERNAL")
-    assert "secret" not in str(error)
-    assert "the secret inside" in caplog.text
-    assert dict(error.trailing_metadata())["x-request-id"] in caplog.text
-    application.close()

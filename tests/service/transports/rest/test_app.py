@@ -19,7 +19,6 @@ from service.application import Application
 from service.archives import write
 from service.clouds import FORMATS
 from service.engine.model import ShapeModel
-from service.model_cases import ModelSummary
 from service.settings import Settings
 
 
@@ -79,7 +78,7 @@ class TestWithAFault:
     @pytest.fixture
     def application(self, settings: Settings) -> Iterator[Application]:
         class Faulty(Application):
-            def models(self) -> list[ModelSummary]:
+            def which(self, *asked: Any, **more: Any) -> tuple[str, int]:
                 raise RuntimeError("the secret inside")
 
         application = Faulty(settings)
@@ -90,7 +89,7 @@ class TestWithAFault:
         self, client: httpx.Client, caplog: pytest.LogCaptureFixture
     ) -> None:
         with caplog.at_level(logging.ERROR):
-            response = client.get("/v1/models")
+            response = client.get("/v1/models/tiny/concepts")
         assert (response.status_code, response.json()["type"]) == (500, "urn:shape-concepts:error:internal")
         assert response.headers["content-type"] == "application/problem+json"
         assert "secret" not in response.text
