@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,8 +20,9 @@ from service.live import Shown
 from service.streams import Stream
 from service.transports.zenoh.replicas import name_of
 from service.transports.zenoh.showing import SHOWN, pack
-from tests.acceptance.browsing import DESKTOP, PHONE, Visit, chromium, colours, picture
+from tests.acceptance.browsing import DESKTOP, PHONE, Visit, colours, picture
 from tests.acceptance.jobs_place import Place, free_port
+from tests.acceptance.page.visiting import CLOUD, Visiting
 from tests.learnt import learnt, objects
 from tests.service.tabletop.seen import set_table
 from tests.service.transports.zenoh.conftest import put
@@ -32,15 +33,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.slow
-Visiting = Callable[..., Visit]
 STREAMS = [{"key": "robots/*/cloud"}, {"key": "tables/*", "scene": True}]
-CLOUD = ".cloud-canvas"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as browser:
-        yield browser
 
 
 class Site:
@@ -73,17 +66,9 @@ def robot(site: Site) -> Iterator[zenoh.Session]:
         yield robot
 
 
-@pytest.fixture
-def visit(browser: Browser, site: Site) -> Iterator[Visiting]:
-    with ExitStack() as stack:
-
-        def opening(place: str, size: tuple[int, int] = DESKTOP, scheme: str = "light") -> Visit:
-            visited = Visit(browser, site.host, size, scheme)
-            stack.callback(visited.close)
-            visited.open(place)
-            return visited
-
-        yield opening
+@pytest.fixture(scope="module")
+def host(site: Site) -> str:
+    return site.host
 
 
 @contextmanager
