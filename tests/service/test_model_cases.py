@@ -24,10 +24,11 @@ def test_a_promotion_and_a_rollback_take_effect_at_once(application: Application
 
 
 def test_all_that_an_alias_meant_is_told_oldest_first(application: Application, model: ShapeModel) -> None:
-    application.store.publish(model, name="tiny", seed=7, source={})
+    for _ in range(2):
+        application.store.publish(model, name="tiny", seed=7, source={})
     application.models.rollback("tiny")
     (entries,) = application.models.histories("tiny").values()
-    assert [entry.version for entry in entries] == [1, 2, 1]
+    assert [entry.version for entry in entries] == [1, 2, 3, 2]
     with pytest.raises(ModelNotFound):
         application.models.histories("other")
 
